@@ -1,0 +1,1 @@
+"""sfkit: merge stereo-matching networks, after the paper StereoFactory."""

@@ -1,0 +1,15 @@
+"""Architectures: the registry, and the networks that come with sfkit."""
+
+from sfkit.architectures.inputs import InputConvention, PadSides, PreparedPair, Window
+from sfkit.architectures.registry import Architecture, architecture, architectures, register_architecture
+
+__all__ = [
+    "Architecture",
+    "InputConvention",
+    "PadSides",
+    "PreparedPair",
+    "Window",
+    "architecture",
+    "architectures",
+    "register_architecture",
+]

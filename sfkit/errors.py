@@ -1,0 +1,31 @@
+"""Errors a user can act on: one sentence that says what was found, what was expected, what to do."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SfkitError(Exception):
+    """Base of every error sfkit raises on purpose; the command line prints it without a traceback."""
+
+
+class InputError(SfkitError, ValueError):
+    """Something the caller gave is wrong: a file, a key, an argument. The command line exits with 2."""
+
+
+class StoreError(SfkitError):
+    """The evaluation store cannot be used as it is (damaged, not a store, on a network file system)."""
+
+
+def nearest(name: str, allowed: Iterable[str]) -> str:
+    """``"; did you mean 'x'?"`` for the closest allowed name, else the empty string."""
+    match = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean {match[0]!r}?" if match else ""
+
+
+def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> InputError:
+    """The error for a name that is none of ``allowed``, with the nearest one suggested."""
+    options = sorted(allowed)
+    listed = ", ".join(options) if options else "none is known"
+    return InputError(f"unknown {kind} {name!r}, expected one of: {listed}{nearest(name, options)}")
