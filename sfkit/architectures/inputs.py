@@ -73,7 +73,9 @@ class InputConvention:
     def window(self, height: int, width: int) -> tuple[Window, tuple[int, int]]:
         """Where a height x width image lies in its padded input, and that input's (height, width)."""
         extra_h, extra_w = -height % self.multiple, -width % self.multiple
-        top = {PadSides.BOTTOM_RIGHT: 0, PadSides.TOP_RIGHT: extra_h, PadSides.CENTRE: extra_h // 2}[self.sides]
+        top = {PadSides.BOTTOM_RIGHT: 0, PadSides.TOP_RIGHT: extra_h, PadSides.CENTRE: extra_h // 2}[
+            self.sides
+        ]
         left = extra_w // 2 if self.sides is PadSides.CENTRE else 0
         return Window(top, left, height, width), (height + extra_h, width + extra_w)
 

@@ -1,0 +1,43 @@
+"""What a search hears of a candidate: its score, and where it came from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from sfkit.merging.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One scored recipe.
+
+    Attributes:
+        score: the benchmark's metric, lower is better (percent for bad-t and D1, pixels for EPE);
+            ``inf`` where the candidate failed.
+        seconds: what the evaluation took when it was computed, in seconds.
+        cached: True where the score came from the evaluation store.
+        error: why the candidate failed, None where it did not.
+        key: the evaluation's key in the store.
+    """
+
+    score: float
+    seconds: float = 0.0
+    cached: bool = False
+    error: str | None = None
+    key: str = ""
+
+    @property
+    def failed(self) -> bool:
+        """True where there is no score to compare."""
+        return self.error is not None or math.isnan(self.score)
+
+
+class Scorer(Protocol):
+    """Scores recipes in the order given; all that a search knows of networks and images."""
+
+    def __call__(self, recipes: Sequence[Recipe]) -> Sequence[Outcome]:
+        """One outcome a recipe, in order; each is in the store before this returns."""
+        ...

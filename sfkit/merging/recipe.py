@@ -1,0 +1,186 @@
+"""Recipes: what to merge, in which proportion, how strongly, block by block.
+
+A recipe says theta_b = base_b + gamma_b * sum_e pi[b, e] * tau_e,b (StereoFactory, eq. 8). It names
+sources and blocks and holds numbers, no tensors, so that searches can propose one, the evaluation
+store can key it, and a merged file can carry it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sfkit.errors import InputError, unknown_name
+
+FORMAT = "sfkit-recipe/1"
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Routing weights pi[b, e] and module scales gamma[b] over named sources and blocks.
+
+    Attributes:
+        sources: the E names of the subset; their order never matters for the merge.
+        blocks: the B block names, in the partition's order. Parameters outside every block follow
+            the first block's weights with a scale of 1.
+        weights: B rows of E non-negative weights. Rows of a routed recipe sum to 1; a weighted merge
+            such as task arithmetic may have another sum.
+        scales: B module scales; they act on parameters, never on running statistics.
+    """
+
+    sources: tuple[str, ...]
+    blocks: tuple[str, ...]
+    weights: tuple[tuple[float, ...], ...]
+    scales: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(set(self.sources)) != len(self.sources):
+            raise InputError(f"recipe: sources {list(self.sources)} name one twice, expected each once")
+        if not self.blocks or len(set(self.blocks)) != len(self.blocks):
+            raise InputError(f"recipe: blocks {list(self.blocks)}, expected at least one and each once")
+        if len(self.weights) != len(self.blocks) or any(len(r) != len(self.sources) for r in self.weights):
+            shape = [len(row) for row in self.weights]
+            raise InputError(
+                f"recipe: weights have rows of lengths {shape}, expected {len(self.blocks)} rows "
+                f"(blocks) of {len(self.sources)} (sources)"
+            )
+        if len(self.scales) != len(self.blocks):
+            raise InputError(
+                f"recipe: {len(self.scales)} scales, expected one for each of {len(self.blocks)} blocks"
+            )
+        for value in (*self.scales, *(w for row in self.weights for w in row)):
+            if not math.isfinite(value) or value < 0:
+                raise InputError(f"recipe: found the value {value}, expected finite numbers of at least 0")
+
+    @classmethod
+    def equal(cls, sources: Iterable[str], blocks: Iterable[str]) -> Recipe:
+        """The equal-weight merge of a subset (StereoFactory, eq. 4): 1/k each, all scales 1."""
+        names = tuple(sources)
+        if not names:
+            return cls.base(blocks)
+        return cls.weighted(dict.fromkeys(names, 1.0 / len(names)), blocks)
+
+    @classmethod
+    def base(cls, blocks: Iterable[str]) -> Recipe:
+        """The base itself: no source takes part."""
+        return cls.weighted({}, blocks)
+
+    @classmethod
+    def weighted(cls, weights: Mapping[str, float], blocks: Iterable[str], *, scale: float = 1.0) -> Recipe:
+        """One weight a source, the same in every block, times one scale."""
+        names = tuple(blocks)
+        row = tuple(float(w) for w in weights.values())
+        return cls(tuple(weights), names, (row,) * len(names), (float(scale),) * len(names))
+
+    @property
+    def tied(self) -> bool:
+        """True where all blocks share one row of weights."""
+        return all(row == self.weights[0] for row in self.weights)
+
+    def of(self, block: str) -> tuple[Mapping[str, float], float]:
+        """One block's weights by source, and its scale.
+
+        Raises:
+            InputError: no such block.
+        """
+        if block not in self.blocks:
+            raise unknown_name("block", block, self.blocks)
+        b = self.blocks.index(block)
+        return dict(zip(self.sources, self.weights[b], strict=True)), self.scales[b]
+
+    def canonical(self, identity: Mapping[str, str], partition: str) -> dict[str, Any]:
+        """What of this recipe decides the merged network, as plain values in one fixed order.
+
+        Sources that weigh nothing anywhere are dropped, the rest are named by fingerprint and sorted by
+        it. Where all blocks agree and no scale differs from 1, blocks do not matter and are left out, so
+        that an equal-weight merge has one key under every partition.
+
+        Args:
+            identity: source name -> fingerprint.
+            partition: the fingerprint of the block partition.
+        """
+        used = [e for e in range(len(self.sources)) if any(row[e] != 0.0 for row in self.weights)]
+        order = sorted(used, key=lambda e: identity[self.sources[e]])
+        sources = [identity[self.sources[e]] for e in order]
+        rows = [[row[e] for e in order] for row in self.weights]
+        if not sources:
+            return {"sources": []}
+        if self.tied and all(scale == 1.0 for scale in self.scales):
+            return {"sources": sources, "weights": rows[0]}
+        return {"sources": sources, "weights": rows, "scales": list(self.scales), "partition": partition}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values: ``weights[block][source]`` and ``scales[block]``."""
+        return {
+            "format": FORMAT,
+            "sources": list(self.sources),
+            "blocks": list(self.blocks),
+            "weights": {
+                block: dict(zip(self.sources, row, strict=True))
+                for block, row in zip(self.blocks, self.weights, strict=True)
+            },
+            "scales": dict(zip(self.blocks, self.scales, strict=True)),
+        }
+
+    def to_json(self) -> str:
+        """The recipe as JSON text; :meth:`from_json` reads it back exactly."""
+        return json.dumps(self.as_dict(), indent=2)
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any], *, where: str = "recipe") -> Recipe:
+        """Read what :meth:`as_dict` wrote.
+
+        Raises:
+            InputError: a key is missing, or is not of the recipe's form; ``where`` names the file.
+        """
+        if values.get("format") != FORMAT:
+            raise InputError(f"{where}: found format {values.get('format')!r}, expected {FORMAT!r}")
+        try:
+            sources = tuple(str(name) for name in values["sources"])
+            blocks = tuple(str(name) for name in values["blocks"])
+            weights = tuple(tuple(float(values["weights"][b][s]) for s in sources) for b in blocks)
+            scales = tuple(float(values["scales"][b]) for b in blocks)
+        except KeyError as error:
+            raise InputError(f"{where}: the entry {error.args[0]!r} is missing from the recipe") from error
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{where}: the recipe is malformed ({error})") from error
+        return cls(sources, blocks, weights, scales)
+
+    @classmethod
+    def from_json(cls, text: str, *, where: str = "recipe") -> Recipe:
+        """Read what :meth:`to_json` wrote.
+
+        Raises:
+            InputError: the text is no JSON object, or no recipe.
+        """
+        try:
+            values = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise InputError(f"{where}: not JSON ({error}), expected what Recipe.to_json writes") from error
+        if not isinstance(values, dict):
+            raise InputError(f"{where}: found a JSON {type(values).__name__}, expected an object")
+        return cls.from_dict(values, where=where)
+
+
+def routed(
+    sources: Sequence[str],
+    blocks: Sequence[str],
+    weights: Sequence[Sequence[float]],
+    scales: Sequence[float] | None = None,
+) -> Recipe:
+    """A routed recipe, each row of weights a point on the simplex over the sources.
+
+    Raises:
+        InputError: a row does not sum to 1 (within 1e-6).
+    """
+    for block, row in zip(blocks, weights, strict=True):
+        if abs(math.fsum(row) - 1.0) > 1e-6:
+            raise InputError(
+                f"recipe: block {block!r} has weights that sum to {math.fsum(row):g}, expected 1: "
+                "divide the row by its sum, or use Recipe.weighted for another sum"
+            )
+    rows = tuple(tuple(float(w) for w in row) for row in weights)
+    return Recipe(tuple(sources), tuple(blocks), rows, tuple(scales) if scales else (1.0,) * len(blocks))
