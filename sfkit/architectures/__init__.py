@@ -1,9 +1,11 @@
 """Architectures: the registry, and the networks that come with sfkit."""
 
+from sfkit.architectures.anynet import AnyNet
 from sfkit.architectures.inputs import InputConvention, PadSides, PreparedPair, Window
 from sfkit.architectures.registry import Architecture, architecture, architectures, register_architecture
 
 __all__ = [
+    "AnyNet",
     "Architecture",
     "InputConvention",
     "PadSides",

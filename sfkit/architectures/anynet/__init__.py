@@ -1,0 +1,5 @@
+"""AnyNet: "Anytime Stereo Image Depth Estimation on Mobile Devices" (Wang et al., ICRA 2019)."""
+
+from sfkit.architectures.anynet.network import AnyNet, Trace
+
+__all__ = ["AnyNet", "Trace"]
