@@ -29,3 +29,7 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> InputError:
     options = sorted(allowed)
     listed = ", ".join(options) if options else "none is known"
     return InputError(f"unknown {kind} {name!r}, expected one of: {listed}{nearest(name, options)}")
+
+
+class SfkitWarning(UserWarning):
+    """Something works but is probably not what was meant; the sentence says why."""

@@ -31,7 +31,7 @@ class PadSides(StrEnum):
 
 @dataclass(frozen=True)
 class Window:
-    """The image's place inside the padded input, in pixels: rows top..top+height, columns left..left+width."""
+    """The image's place in the padded input: rows top..top+height, columns left..left+width, in pixels."""
 
     top: int
     left: int
@@ -45,7 +45,7 @@ class Window:
 
 @dataclass(frozen=True)
 class PreparedPair:
-    """A stereo pair as the network reads it: two (1, 3, H_padded, W_padded) float32 tensors, and the way back."""
+    """A stereo pair as the network reads it: (1, 3, H_padded, W_padded) float32 each, and the way back."""
 
     left: torch.Tensor
     right: torch.Tensor

@@ -14,6 +14,7 @@ import hashlib
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any, TypeVar
 
 from torch import nn
@@ -55,6 +56,10 @@ class Architecture:
     dead: tuple[str, ...] = ()
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None
+
+    def is_optional(self, key: str) -> bool:
+        """True for a key a checkpoint may lack, or have though the options leave that part out."""
+        return any(fnmatchcase(key, pattern) for pattern in self.optional)
 
     def resolve(self, options: Options | None = None) -> dict[str, Any]:
         """All options with their defaults filled in.

@@ -1,0 +1,158 @@
+"""What a checkpoint must be to join a pool, and the sentence for each way it is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import torch
+
+from sfkit.checkpoints.fingerprints import COUNTER
+from sfkit.errors import InputError, nearest
+
+
+class Kind(StrEnum):
+    """What a tensor is to a merge."""
+
+    WEIGHT = "weight"  # a parameter: routed, and scaled by its block's module scale
+    STATISTIC = "statistic"  # a running mean or variance: routed, never scaled, always convex
+    CONSTANT = "constant"  # index tables, image means, counters, dead parameters: the base's, untouched
+
+
+@dataclass(frozen=True)
+class TensorSpec:
+    """One tensor the network has.
+
+    Attributes:
+        key: its state-dict key; of aliased keys the first.
+        shape: its shape.
+        kind: what it is to a merge.
+        aliases: further keys of the same storage, merged once and written under each.
+        optional: a source may lack it; its task vector there is zero.
+        tolerant: it may be absent or differ in a source (integer buffers); the base's is kept.
+    """
+
+    key: str
+    shape: tuple[int, ...]
+    kind: Kind
+    aliases: tuple[str, ...] = ()
+    optional: bool = False
+    tolerant: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return torch.Size(self.shape).numel()
+
+
+def check_keys(
+    path: Path,
+    found: Mapping[str, torch.Tensor],
+    expected: Iterable[TensorSpec],
+    *,
+    known_extra: Iterable[str] = (),
+    is_base: bool = False,
+) -> tuple[str, ...]:
+    """Compare a checkpoint's keys and shapes with what the network has.
+
+    Args:
+        path: named in errors.
+        found: the checkpoint's tensors, by the network's key names.
+        expected: the network's tensors.
+        known_extra: keys the file may have though the network does not (an optional part left out).
+        is_base: the base may lack nothing but counters.
+
+    Returns:
+        The keys of optional tensors that are missing.
+
+    Raises:
+        InputError: a key is missing or extra, or a shape differs; the first such key is named.
+    """
+    specs = tuple(expected)
+    names = {name for spec in specs for name in (spec.key, *spec.aliases)}
+    missing = [s for s in specs if s.key not in found and not any(a in found for a in s.aliases)]
+    absent = tuple(s.key for s in missing if s.optional and not s.tolerant)
+    fatal = [s.key for s in missing if not s.tolerant and (is_base or not s.optional)]
+    extra = sorted(set(found) - names - set(known_extra))
+    extra = [key for key in extra if not key.endswith(COUNTER)]
+    if fatal:
+        more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
+        raise InputError(
+            f"{path}: the key {fatal[0]!r}{more} is missing, expected every tensor of the architecture"
+            f"{nearest(fatal[0], extra)}"
+        )
+    if extra:
+        more = f" (and {len(extra) - 1} more)" if len(extra) > 1 else ""
+        raise InputError(
+            f"{path}: found the key {extra[0]!r}{more}, which the architecture does not have: "
+            "is this a checkpoint of another architecture or with other options?"
+        )
+    for spec in specs:
+        tensor = found.get(spec.key)
+        if tensor is not None and tuple(tensor.shape) != spec.shape and not spec.tolerant:
+            raise InputError(
+                f"{path}: {spec.key!r} has the shape {tuple(tensor.shape)}, expected {spec.shape}: "
+                "all checkpoints of a pool share one architecture and its options"
+            )
+    return absent
+
+
+def check_values(path: Path, key: str, tensor: torch.Tensor) -> None:
+    """Refuse values that are not finite.
+
+    Raises:
+        InputError: names the key and counts the values.
+    """
+    if tensor.is_floating_point() and not bool(torch.isfinite(tensor).all()):
+        count = int((~torch.isfinite(tensor)).sum())
+        raise InputError(
+            f"{path}: {key!r} holds {count} values that are not finite, expected finite weights: "
+            "the training that wrote it diverged"
+        )
+
+
+@dataclass(frozen=True)
+class Kinship:
+    """How near a source lies to its base, over matrices and kernels (tensors of 2 dimensions or more).
+
+    Attributes:
+        cosine: of the source's weights to the base's; a fine-tune stays near 1.
+        distance: norm of the task vector divided by the norm of the base's weights.
+    """
+
+    cosine: float
+    distance: float
+
+    MIN_COSINE = 0.5
+    MAX_DISTANCE = 1.0
+
+    @property
+    def is_fine_tune(self) -> bool:
+        """False where direction or size says that the source did not start from this base."""
+        return self.cosine >= self.MIN_COSINE and self.distance <= self.MAX_DISTANCE
+
+
+@dataclass
+class KinshipSums:
+    """Running sums from which :class:`Kinship` follows, fed tensor by tensor in float64."""
+
+    base: float = 0.0
+    source: float = 0.0
+    dot: float = 0.0
+
+    def add(self, base: torch.Tensor, source: torch.Tensor) -> None:
+        """Take one pair of tensors in; vectors and scalars are left out, for norm layers all look alike."""
+        if base.ndim >= 2:
+            b, s = base.reshape(-1).double(), source.reshape(-1).double()
+            self.base += float(b @ b)
+            self.source += float(s @ s)
+            self.dot += float(b @ s)
+
+    def kinship(self) -> Kinship:
+        """The finished figures; without any matrix the source counts as near."""
+        if self.base == 0.0 or self.source == 0.0:
+            return Kinship(1.0, 0.0)
+        squared = max(self.base + self.source - 2 * self.dot, 0.0)
+        return Kinship(self.dot / (self.base * self.source) ** 0.5, (squared / self.base) ** 0.5)

@@ -1,0 +1,43 @@
+"""Fingerprints: the identity of a checkpoint is its content, not its path or its wrapping.
+
+The same weights as ``.pth`` with ``module.`` prefixes and as safetensors have one fingerprint, so an
+evaluation store recognises them wherever they lie.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import torch
+
+COUNTER = "num_batches_tracked"  # batch norm's step counter: never read at inference, often absent
+
+
+def tensor_digest(tensor: torch.Tensor) -> str:
+    """Digest of one tensor's dtype, shape and bytes."""
+    flat = tensor.detach().contiguous().reshape(-1).view(torch.uint8) if tensor.numel() else tensor
+    digest = hashlib.sha256(f"{tensor.dtype}{tuple(tensor.shape)}".encode())
+    digest.update(flat.numpy())
+    return digest.hexdigest()
+
+
+def fingerprint(digests: Mapping[str, str]) -> str:
+    """Fingerprint of a checkpoint from its tensors' digests; the order of keys does not matter."""
+    total = hashlib.sha256()
+    for key in sorted(digests):
+        if not key.endswith(COUNTER):
+            total.update(f"{key}={digests[key]}\n".encode())
+    return total.hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file's bytes."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def text_digest(text: str) -> str:
+    """SHA-256 of a text."""
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,161 @@
+"""``pool.toml``: which files make a pool, of which architecture, under which licences.
+
+::
+
+    name = "garage"
+    architecture = "anynet"
+    root = "${CHECKPOINTS}/garage"      # optional; the folder of pool.toml otherwise
+
+    [options]                           # optional; the architecture's options
+    ranges = [12, 3, 3]
+
+    [base]
+    file = "base_sceneflow.tar"
+    licence = "MIT"
+
+    [sources.kitti2012]
+    file = "ft_kitti2012.tar"
+    licence = "MIT; trained on KITTI (CC BY-NC-SA 3.0)"
+
+    [blocks]                            # optional; replaces the architecture's own partition
+    backbone = ["feature_extraction.*"]
+    head = ["volume_postprocess.*"]
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sfkit.errors import InputError, unknown_name
+
+_KEYS = ("name", "architecture", "root", "options", "base", "sources", "blocks")
+_MEMBER_KEYS = ("file", "licence", "note")
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+
+
+@dataclass(frozen=True)
+class Member:
+    """One checkpoint a pool names: the base or a source."""
+
+    name: str
+    path: Path
+    licence: str = ""
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class PoolSpec:
+    """A pool as its ``pool.toml`` describes it; no checkpoint has been opened yet."""
+
+    name: str
+    architecture: str
+    base: Member
+    sources: tuple[Member, ...]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    blocks: Mapping[str, tuple[str, ...]] | None = None
+    path: Path | None = None
+
+
+def read_pool_spec(path: str | Path) -> PoolSpec:
+    """Read and check a ``pool.toml``.
+
+    Raises:
+        InputError: the file is missing or no TOML, a key is unknown, missing or of the wrong type, a
+            path leaves its root, or a source is named twice.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "pool.toml"
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a pool.toml that names a base and its sources")
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not TOML ({error}), expected a pool description") from error
+    return _spec(values, path)
+
+
+def _spec(values: dict[str, Any], path: Path) -> PoolSpec:
+    for key in values:
+        if key not in _KEYS:
+            raise unknown_name(f"key of {path}", key, _KEYS)
+    root = _root(values.get("root", "."), path)
+    sources = _table(values, "sources", path)
+    if not sources:
+        raise InputError(f"{path}: names no sources, expected one [sources.NAME] table for each")
+    members = tuple(_member(name, entry, root, path, f"sources.{name}") for name, entry in sources.items())
+    return PoolSpec(
+        name=_text(values, "name", path),
+        architecture=_text(values, "architecture", path),
+        base=_member("base", _table(values, "base", path), root, path, "base"),
+        sources=members,
+        options=dict(_table(values, "options", path, required=False)),
+        blocks=_blocks(values, path),
+        path=path,
+    )
+
+
+def _root(text: object, path: Path) -> Path:
+    if not isinstance(text, str):
+        raise InputError(f"{path}: root is {text!r}, expected a folder as text")
+
+    def variable(match: re.Match[str]) -> str:
+        if match.group(1) not in os.environ:
+            raise InputError(
+                f"{path}: root names the environment variable {match.group(1)}, which is not set"
+            )
+        return os.environ[match.group(1)]
+
+    root = path.parent / re.sub(r"\$\{(\w+)\}", variable, text)
+    if not root.is_dir():
+        raise InputError(f"{path}: root {root} is no folder, expected the folder of the checkpoints")
+    return root.resolve()
+
+
+def _member(name: str, entry: object, root: Path, path: Path, where: str) -> Member:
+    if not _NAME.fullmatch(name):
+        raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . + - only")
+    if not isinstance(entry, dict):
+        raise InputError(f"{path}: {where} is {entry!r}, expected a table with file and licence")
+    for key in entry:
+        if key not in _MEMBER_KEYS:
+            raise unknown_name(f"key of [{where}] in {path}", key, _MEMBER_KEYS)
+    file = (root / _text(entry, "file", path, where)).resolve()
+    if not file.is_relative_to(root):
+        raise InputError(
+            f"{path}: {where}.file {entry['file']!r} leaves the root {root}, expected a path under it"
+        )
+    optional = {key: _text(entry, key, path, where) for key in ("licence", "note") if key in entry}
+    return Member(name, file, **optional)
+
+
+def _blocks(values: Mapping[str, Any], path: Path) -> dict[str, tuple[str, ...]] | None:
+    table = _table(values, "blocks", path, required=False)
+    for name, patterns in table.items():
+        if not isinstance(patterns, list) or not patterns or not all(isinstance(p, str) for p in patterns):
+            raise InputError(f"{path}: blocks.{name} is {patterns!r}, expected a list of key patterns")
+    return {name: tuple(patterns) for name, patterns in table.items()} or None
+
+
+def _text(values: Mapping[str, Any], key: str, path: Path, where: str = "") -> str:
+    name = f"{where}.{key}" if where else key
+    if key not in values:
+        raise InputError(f"{path}: the key {name} is missing, expected text")
+    if not isinstance(values[key], str) or not values[key]:
+        raise InputError(f"{path}: {name} is {values[key]!r}, expected text")
+    return str(values[key])
+
+
+def _table(values: Mapping[str, Any], key: str, path: Path, *, required: bool = True) -> dict[str, Any]:
+    if key not in values and required:
+        raise InputError(f"{path}: the table [{key}] is missing")
+    table = values.get(key, {})
+    if not isinstance(table, dict):
+        raise InputError(f"{path}: {key} is {table!r}, expected a table")
+    return table

@@ -1,0 +1,89 @@
+"""Writing a merged network so that it loads in the code the user trained with, and says how it was made."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from enum import StrEnum
+from pathlib import Path
+
+import torch
+from safetensors.torch import save_file
+
+from sfkit.checkpoints.layouts import Layout
+from sfkit.errors import InputError
+
+
+class FileForm(StrEnum):
+    """What kind of file a merged network becomes."""
+
+    SAFETENSORS = "safetensors"
+    ORIGINAL = "original"  # a torch file in the base checkpoint's layout
+
+
+def write_checkpoint(
+    path: str | Path,
+    state: Mapping[str, torch.Tensor],
+    *,
+    layout: Layout,
+    metadata: Mapping[str, str],
+    form: FileForm = FileForm.SAFETENSORS,
+    overwrite: bool = False,
+) -> Path:
+    """Write tensors under the original checkpoint's key names, with metadata, in one atomic step.
+
+    Args:
+        path: ``.safetensors``, or a torch ending for ``FileForm.ORIGINAL``.
+        state: bare key -> tensor; tensors may share storage.
+        layout: the base file's; its prefix is put back, and its container for ``ORIGINAL``.
+        metadata: text entries; the header of a safetensors file, the entry ``sfkit`` of a torch file.
+        form: which kind of file.
+        overwrite: whether an existing file may be replaced.
+
+    Raises:
+        InputError: the file exists and ``overwrite`` is False, its ending does not suit its form, or
+            its folder cannot be made.
+    """
+    path = check_target(path, form, overwrite=overwrite)
+    tensors = {layout.prefix + key: tensor.detach().cpu() for key, tensor in state.items()}
+    if form is FileForm.SAFETENSORS:
+        # safetensors refuses shared storage, so an alias is written as a copy of its own.
+        separate = {key: tensor.contiguous().clone() for key, tensor in tensors.items()}
+        header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
+        _atomically(path, lambda target: save_file(separate, target, metadata=header))
+    else:
+        content = layout.wrap({key: tensor.clone() for key, tensor in state.items()})
+        if layout.container:  # a bare state dict holds tensors alone: strict loaders refuse a text entry
+            content["sfkit"] = json.dumps(dict(metadata))
+        _atomically(path, lambda target: torch.save(content, target))
+    return path
+
+
+def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
+    """Refuse an output path before any work is done for it.
+
+    Raises:
+        InputError: as :func:`write_checkpoint` says.
+    """
+    path = Path(path)
+    endings = (".safetensors",) if form is FileForm.SAFETENSORS else (".pth", ".pt", ".ckpt", ".tar")
+    if path.suffix not in endings:
+        raise InputError(f"{path}: a file of form {form.value!r} ends in {' or '.join(endings)}")
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: the file exists, give another name or ask for overwriting")
+    if path.parent.exists() and not path.parent.is_dir():
+        raise InputError(f"{path}: {path.parent} is a file, expected a folder")
+    return path
+
+
+def _atomically(path: Path, write: Callable[[str], None]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    os.close(handle)
+    try:
+        write(temporary)
+        Path(temporary).replace(path)
+    finally:
+        Path(temporary).unlink(missing_ok=True)

@@ -1,0 +1,31 @@
+"""Flat buffers that live in memory while they are small and in mapped files where they are not."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import platformdirs
+import torch
+
+MAPPED_ABOVE = 16 << 20  # bytes; a task vector larger than this lives in a mapped file
+
+
+def allocate(elements: int, *, mapped: bool, folder: Path | None = None) -> torch.Tensor:
+    """A float32 tensor of shape (elements,), its values unset (zero where mapped).
+
+    A mapped buffer is a sparse file without a name: its pages are the operating system's to evict,
+    only what is written takes up disk, and it is gone with the process however that ends.
+    """
+    if not mapped or elements == 0:
+        return torch.empty(elements, dtype=torch.float32)
+    folder = folder or Path(platformdirs.user_cache_dir("sfkit")) / "buffers"
+    folder.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=folder, suffix=".f32")
+    try:
+        os.ftruncate(handle, elements * 4)
+        return torch.from_file(name, shared=True, size=elements, dtype=torch.float32)
+    finally:
+        os.close(handle)
+        Path(name).unlink()

@@ -1,0 +1,188 @@
+"""Opening a pool: every file is read once, checked, fingerprinted and turned into its task vector."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from sfkit.architectures import Architecture
+from sfkit.checkpoints.checks import (
+    Kind,
+    Kinship,
+    KinshipSums,
+    TensorSpec,
+    check_keys,
+    check_values,
+)
+from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
+from sfkit.checkpoints.layouts import Layout
+from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
+from sfkit.checkpoints.spec import Member
+from sfkit.merging.arena import MAPPED_ABOVE, allocate
+from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.flat import FlatLayout
+
+ITSELF = Kinship(1.0, 0.0)  # the base's kinship to the base
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A member of a pool after its content has been read.
+
+    Attributes:
+        name: the source's name, or ``base``.
+        path: its file.
+        fingerprint: identity of its content.
+        licence: as ``pool.toml`` gives it.
+        note: as ``pool.toml`` gives it.
+        layout: how the file wraps its tensors.
+        absent: keys of optional tensors it lacks.
+        kinship: how near it lies to the base.
+    """
+
+    name: str
+    path: Path
+    fingerprint: str
+    licence: str
+    note: str
+    layout: Layout
+    absent: tuple[str, ...] = ()
+    kinship: Kinship = ITSELF
+
+
+@dataclass(frozen=True)
+class Staged:
+    """A source's task vector over the tensors it changed, packed in canonical order."""
+
+    member: Checked
+    changed: tuple[TensorSpec, ...]
+    values: torch.Tensor  # (number of changed elements or more,) float32
+
+    def tensors(self) -> Iterator[tuple[str, torch.Tensor]]:
+        """The changed tensors' task vectors by key."""
+        offset = 0
+        for spec in self.changed:
+            yield spec.key, self.values[offset : offset + spec.size]
+            offset += spec.size
+
+
+class PoolOpener:
+    """Reads one base and its sources against what the architecture's network has."""
+
+    def __init__(
+        self, architecture: Architecture, options: Mapping[str, object], specs: Sequence[TensorSpec]
+    ) -> None:
+        self.architecture = architecture
+        self.options = options
+        self.specs = tuple(specs)
+
+    def headers(self, members: Sequence[Member]) -> list[CheckpointFile | None]:
+        """Check every file's keys and shapes before any content is read.
+
+        Returns:
+            The opened files; None for one that cannot be mapped and will be read again in its turn, so
+            that no two such files are in memory at once.
+        """
+        opened: list[CheckpointFile | None] = []
+        for number, member in enumerate(members):
+            file = self.read(member.path, is_base=number == 0)
+            opened.append(file if file.mapped else None)
+        return opened
+
+    def read(self, path: Path, *, is_base: bool) -> CheckpointFile:
+        """One file with keys as the network names them, its keys and shapes checked."""
+        file = read_checkpoint(path)
+        if self.architecture.rename is not None:
+            names = self.architecture.rename(file.tensors)
+            tensors = {names.get(key, key): tensor for key, tensor in file.tensors.items()}
+            file = CheckpointFile(file.path, tensors, file.layout, file.metadata, file.mapped)
+        if self.architecture.check is not None:
+            shapes = {key: tuple(tensor.shape) for key, tensor in file.tensors.items()}
+            self.architecture.check(shapes, self.options)
+        check_keys(path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base)
+        return file
+
+    def _left_out(self, keys: Mapping[str, torch.Tensor]) -> list[str]:
+        """Optional parts the file has and the network, by its options, does not."""
+        return [key for key in keys if self.architecture.is_optional(key)]
+
+    def base(self, member: Member, file: CheckpointFile) -> tuple[Checked, dict[str, str]]:
+        """The base, checked whole, and the digest of each of its tensors."""
+        digests = {}
+        for key, tensor in file.tensors.items():
+            check_values(member.path, key, tensor)
+            digests[key] = tensor_digest(tensor)
+        return _checked(member, file, fingerprint(digests)), digests
+
+    def source(
+        self,
+        member: Member,
+        file: CheckpointFile,
+        base: CheckpointFile,
+        base_digests: Mapping[str, str],
+        order: Sequence[TensorSpec],
+    ) -> Staged:
+        """A source, checked whole, with the task vector of every tensor it changed.
+
+        Args:
+            member: the source.
+            file: its opened file.
+            base: the base's opened file.
+            base_digests: key -> digest of the base's tensors.
+            order: the mergeable tensors in canonical (buffer) order.
+        """
+        digests = {}
+        for key, tensor in file.tensors.items():
+            check_values(member.path, key, tensor)
+            digests[key] = tensor_digest(tensor)
+        changed = tuple(s for s in order if s.key in digests and digests[s.key] != base_digests.get(s.key))
+        size = sum(spec.size for spec in changed)
+        values = allocate(size, mapped=size * 4 > MAPPED_ABOVE)
+        sums, offset = KinshipSums(), 0
+        for spec in changed:
+            ours, theirs = file.tensors[spec.key], base.tensors[spec.key]
+            torch.sub(ours.float(), theirs.float(), out=values[offset : offset + spec.size].view(spec.shape))
+            offset += spec.size
+            if spec.kind is Kind.WEIGHT:
+                sums.add(theirs, ours)
+        absent = tuple(spec.key for spec in order if spec.key not in file.tensors)
+        return Staged(_checked(member, file, fingerprint(digests), absent, sums.kinship()), changed, values)
+
+
+def _checked(
+    member: Member,
+    file: CheckpointFile,
+    identity: str,
+    absent: tuple[str, ...] = (),
+    kinship: Kinship = ITSELF,
+) -> Checked:
+    return Checked(
+        member.name, member.path, identity, member.licence, member.note, file.layout, absent, kinship
+    )
+
+
+def assemble(
+    staged: Sequence[Staged], base: Mapping[str, torch.Tensor], partition: BlockPartition
+) -> tuple[FlatLayout, torch.Tensor, dict[str, torch.Tensor]]:
+    """The layout over all tensors that any source changed, the base's values in it, and the task vectors.
+
+    Returns:
+        layout, base (P,) float32, source name -> task vector (P,) float32.
+    """
+    specs = {spec.key: spec for source in staged for spec in source.changed}
+    layout = FlatLayout.of(specs.values(), partition)
+    order = tuple(spec for spec, _ in layout.entries)
+    flat_base = torch.empty(layout.size, dtype=torch.float32)
+    layout.fill(flat_base, base)
+    vectors = {}
+    for source in staged:
+        if source.changed == order:
+            vectors[source.member.name] = source.values
+            continue
+        row = allocate(layout.size, mapped=layout.size * 4 > MAPPED_ABOVE).zero_()
+        layout.fill(row, dict(source.tensors()))
+        vectors[source.member.name] = row
+    return layout, flat_base, vectors

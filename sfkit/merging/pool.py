@@ -1,0 +1,251 @@
+"""The pool: one base and its sources, checked for compatibility, their task vectors ready to merge."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import torch
+from torch import nn
+
+from sfkit.architectures import Architecture, architecture
+from sfkit.checkpoints.checks import Kind, TensorSpec
+from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
+from sfkit.errors import InputError, SfkitWarning, unknown_name
+from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.flat import FlatLayout
+from sfkit.merging.linear import merge_flat
+from sfkit.merging.live import LiveModel
+from sfkit.merging.opening import Checked, PoolOpener, assemble
+from sfkit.merging.recipe import Recipe
+from sfkit.merging.skeleton import skeleton
+
+
+class Pool:
+    """Base and sources of one architecture. Open one with :func:`open_pool`.
+
+    Attributes:
+        name: the pool's name.
+        architecture: the registry's entry.
+        options: all its options, defaults filled in.
+        partition: the block partition.
+        base: the base checkpoint.
+        sources: the sources in the order ``pool.toml`` names them.
+        layout: where each changed tensor lies in the flat buffers.
+        base_flat: (P,) float32, the base's values in that layout.
+        vectors: source name -> task vector (P,) float32; do not write to them.
+        base_tensors: key -> the base's tensors as read, of which most may be unchanged by any source.
+        warnings: one sentence each, for what is allowed and probably not meant.
+    """
+
+    def __init__(
+        self,
+        spec: PoolSpec,
+        entry: Architecture,
+        partition: BlockPartition,
+        specs: Sequence[TensorSpec],
+        base: tuple[Checked, Mapping[str, torch.Tensor]],
+        parts: tuple[FlatLayout, torch.Tensor, dict[str, torch.Tensor]],
+        sources: Sequence[Checked],
+    ) -> None:
+        self.name = spec.name
+        self.spec = spec
+        self.architecture = entry
+        self.options = entry.resolve(spec.options)
+        self.partition = partition
+        self.specs = tuple(specs)
+        self.base, self.base_tensors = base
+        self.sources = tuple(sources)
+        self.layout, self.base_flat, self.vectors = parts
+        self.identity = {source.name: source.fingerprint for source in self.sources}
+        self.warnings = tuple(_doubts(self))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The sources' names."""
+        return tuple(source.name for source in self.sources)
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """The block names, in the partition's order."""
+        return self.partition.names
+
+    def subset(self, names: Iterable[str]) -> tuple[str, ...]:
+        """Check source names.
+
+        Raises:
+            InputError: a name is no source of the pool (the nearest is suggested), or stands twice.
+        """
+        chosen = tuple(names)
+        for name in chosen:
+            if name not in self.identity:
+                raise unknown_name(f"source of pool {self.name!r}", name, self.identity)
+        if len(set(chosen)) != len(chosen):
+            raise InputError(f"subset {', '.join(chosen)} names a source twice, expected each once")
+        return chosen
+
+    def equal(self, *names: str) -> Recipe:
+        """The equal-weight merge of the named sources."""
+        return Recipe.equal(self.subset(names), self.blocks)
+
+    def uniform(self) -> Recipe:
+        """The equal-weight merge of all sources."""
+        return self.equal(*self.names)
+
+    def base_recipe(self) -> Recipe:
+        """The base itself."""
+        return Recipe.base(self.blocks)
+
+    def build(self) -> nn.Module:
+        """A network of this architecture, its values not those of any member."""
+        return self.architecture.build(**self.options)
+
+    def merge(self, recipe: Recipe, *, device: str = "cpu") -> LiveModel:
+        """The network a recipe describes, live: it takes on other recipes in place."""
+        return LiveModel(self, recipe, device=device)
+
+    def merge_into(self, recipe: Recipe, out: torch.Tensor) -> torch.Tensor:
+        """Write the merged flat parameters into ``out`` of shape (P,), and return it.
+
+        Task vectors are added in the order of their fingerprints, so that neither the order of
+        ``pool.toml`` nor that of the recipe changes a single bit.
+
+        Raises:
+            InputError: the recipe names sources or blocks the pool does not have.
+        """
+        self.check_recipe(recipe)
+        order = sorted(range(len(recipe.sources)), key=lambda e: self.identity[recipe.sources[e]])
+        ordered = Recipe(
+            tuple(recipe.sources[e] for e in order),
+            recipe.blocks,
+            tuple(tuple(row[e] for e in order) for row in recipe.weights),
+            recipe.scales,
+        )
+        merge_flat(ordered, self.layout, self.base_flat, [self.vectors[n] for n in ordered.sources], out)
+        return out
+
+    def check_recipe(self, recipe: Recipe) -> None:
+        """Refuse a recipe that was made for another pool or partition.
+
+        Raises:
+            InputError: its sources or blocks are not the pool's.
+        """
+        self.subset(recipe.sources)
+        if recipe.blocks != self.blocks:
+            raise InputError(
+                f"recipe: has the blocks {', '.join(recipe.blocks)}, expected those of pool {self.name!r}: "
+                f"{', '.join(self.blocks)}"
+            )
+
+    def canonical(self, recipe: Recipe) -> dict[str, Any]:
+        """What decides the merged network, in content rather than names; part of evaluation keys."""
+        self.check_recipe(recipe)
+        return recipe.canonical(self.identity, self.partition.fingerprint())
+
+    def state_dict(self, recipe: Recipe) -> dict[str, torch.Tensor]:
+        """The merged network's tensors by bare key: in dtype and set of keys what the base file has."""
+        merged = self.layout.views(self.merge_into(recipe, torch.empty(self.layout.size)))
+        held = {name for spec in self.specs for name in (spec.key, *spec.aliases)}
+        return {
+            key: merged[key].to(tensor.dtype) if key in merged else tensor
+            for key, tensor in self.base_tensors.items()
+            if key in held or not self.architecture.is_optional(key)
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """The architecture with every option that changes its output; part of evaluation keys."""
+        return {
+            "name": self.architecture.name,
+            "version": self.architecture.version,
+            "options": json.loads(json.dumps(self.options, sort_keys=True)),
+            "inputs": self.architecture.inputs(self.options).describe(),
+        }
+
+    def summary(self) -> pd.DataFrame:
+        """One row a member: file, licence, nearness to the base, what it lacks."""
+        rows = [
+            {
+                "name": member.name,
+                "file": member.path.name,
+                "fingerprint": member.fingerprint[:12],
+                "licence": member.licence or "not stated",
+                "cosine to base": member.kinship.cosine,
+                "distance": member.kinship.distance,
+                "lacks": len(member.absent),
+            }
+            for member in (self.base, *self.sources)
+        ]
+        return pd.DataFrame(rows).set_index("name")
+
+    def __repr__(self) -> str:
+        return (
+            f"Pool({self.name!r}: {self.architecture.name}, base + {len(self.sources)} sources "
+            f"({', '.join(self.names)}), {len(self.blocks)} blocks, {self.layout.size:,} changed parameters)"
+        )
+
+
+def open_pool(path: str | Path | PoolSpec) -> Pool:
+    """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where a source does not look like a fine-tune of the base
+    or lacks an optional part.
+
+    Raises:
+        InputError: anything in the description or the files is not as it must be; see
+            :mod:`sfkit.checkpoints`.
+    """
+    spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
+    entry = architecture(spec.architecture)
+    options = entry.resolve(spec.options)
+    specs = skeleton(entry, options)
+    partition = BlockPartition.of(spec.blocks or entry.blocks(options))
+    partition.check(s.key for s in specs if s.kind is not Kind.CONSTANT)
+    opener = PoolOpener(entry, options, specs)
+    base_file, *files = opener.headers((spec.base, *spec.sources))
+    base_file = base_file or opener.read(spec.base.path, is_base=True)
+    base, digests = opener.base(spec.base, base_file)
+    order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
+    staged = [
+        opener.source(member, file or opener.read(member.path, is_base=False), base_file, digests, order)
+        for member, file in zip(spec.sources, files, strict=True)
+    ]
+    sources = [source.member for source in staged]
+    _refuse_twins(sources)
+    parts = assemble(staged, base_file.tensors, partition)
+    pool = Pool(spec, entry, partition, specs, (base, base_file.tensors), parts, sources)
+    for doubt in pool.warnings:
+        warnings.warn(doubt, SfkitWarning, stacklevel=2)
+    return pool
+
+
+def _refuse_twins(sources: Sequence[Checked]) -> None:
+    seen: dict[str, Checked] = {}
+    for source in sources:
+        twin = seen.setdefault(source.fingerprint, source)
+        if twin is not source:
+            raise InputError(
+                f"{source.path}: source {source.name!r} has the same content as source {twin.name!r} "
+                f"({twin.path}), expected different networks: name it once"
+            )
+
+
+def _doubts(pool: Pool) -> Iterable[str]:
+    for source in pool.sources:
+        if source.fingerprint == pool.base.fingerprint:
+            yield f"{source.path}: source {source.name!r} is the base itself, its task vector is zero"
+        elif not source.kinship.is_fine_tune:
+            yield (
+                f"{source.path}: source {source.name!r} does not look like a fine-tune of the base (cosine "
+                f"{source.kinship.cosine:.2f}, distance {source.kinship.distance:.2f} of the base's norm; "
+                f"a fine-tune has at least {source.kinship.MIN_COSINE} and at most "
+                f"{source.kinship.MAX_DISTANCE}): merging it will most likely harm"
+            )
+        if source.absent:
+            yield (
+                f"{source.path}: source {source.name!r} lacks {len(source.absent)} optional tensors "
+                f"({source.absent[0]}, ...): its task vector is zero there and weights are not renormalised"
+            )

@@ -1,0 +1,64 @@
+"""What tensors a network has and what each is to a merge, read from the module itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from fnmatch import fnmatchcase
+from typing import Any
+
+import torch
+from torch import nn
+
+from sfkit.architectures import Architecture
+from sfkit.checkpoints.checks import Kind, TensorSpec
+
+STATISTICS = ("running_mean", "running_var")
+
+
+def skeleton(architecture: Architecture, options: Mapping[str, Any]) -> tuple[TensorSpec, ...]:
+    """The state dict a checkpoint of this architecture has, in the module's order.
+
+    The network is built on the meta device, which costs neither memory nor time; a network whose
+    constructor computes with values is built on the CPU.
+    """
+    try:
+        with torch.device("meta"):
+            network = architecture.build(**options)
+    except (NotImplementedError, RuntimeError):
+        network = architecture.build(**options)
+    return tuple(_specs(network, architecture))
+
+
+def _specs(network: nn.Module, architecture: Architecture) -> Iterator[TensorSpec]:
+    parameters = {name for name, _ in network.named_parameters(remove_duplicate=False)}
+    tensors = network.state_dict(keep_vars=True)
+    names_of: dict[int, list[str]] = {}
+    for name, tensor in tensors.items():
+        names_of.setdefault(id(tensor), []).append(name)
+    for name, tensor in tensors.items():
+        first, *aliases = names_of[id(tensor)]
+        if name != first:
+            continue
+        kind = _kind(name, tensor, architecture, is_parameter=name in parameters)
+        yield TensorSpec(
+            key=name,
+            shape=tuple(tensor.shape),
+            kind=kind,
+            aliases=tuple(aliases),
+            optional=_matches(name, architecture.optional),
+            tolerant=kind is Kind.CONSTANT and not _matches(name, architecture.dead),
+        )
+
+
+def _kind(name: str, tensor: torch.Tensor, architecture: Architecture, *, is_parameter: bool) -> Kind:
+    if _matches(name, architecture.constants) or _matches(name, architecture.dead):
+        return Kind.CONSTANT
+    if is_parameter and tensor.is_floating_point():
+        return Kind.WEIGHT
+    if tensor.is_floating_point() and name.rpartition(".")[2] in STATISTICS:
+        return Kind.STATISTIC
+    return Kind.CONSTANT
+
+
+def _matches(name: str, patterns: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(name, pattern) for pattern in patterns)
