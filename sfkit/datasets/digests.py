@@ -1,0 +1,28 @@
+"""Fingerprints of files, remembered while a file stays as it was."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+from sfkit.errors import InputError
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 (hex) of a file's content; read again only where size or modification time has changed.
+
+    Raises:
+        InputError: there is no such file, or it cannot be read.
+    """
+    try:
+        stat = Path(path).stat()
+        return _digest(Path(path), stat.st_size, stat.st_mtime_ns)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}), expected a file") from error
+
+
+@lru_cache(maxsize=16384)
+def _digest(path: Path, _size: int, _mtime_ns: int) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

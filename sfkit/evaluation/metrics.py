@@ -1,0 +1,281 @@
+"""Errors of one predicted disparity map: end-point error, bad-t and D1, as sums and counts.
+
+All tests are strict (error > t). A prediction that is not finite somewhere counts as bad in all its
+pixels, its end-point error is infinite, and it is flagged: ``nan > t`` is False and would score 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.datasets.measure import Kind, Metric
+from sfkit.datasets.pairs import Sample
+from sfkit.errors import InputError, unknown_name
+
+__all__ = [
+    "EDGE_PIXELS",
+    "REGIONS",
+    "THRESHOLDS",
+    "ImageErrors",
+    "Metric",
+    "RegionErrors",
+    "bad",
+    "d1",
+    "edge_mask",
+    "epe",
+    "image_errors",
+    "thresholds_for",
+]
+
+THRESHOLDS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
+REGIONS = ("all", "visible", "occluded", "edge")
+EDGE_PIXELS = 16
+D1_PIXELS, D1_SHARE = 3.0, 0.05
+
+Map = NDArray[np.floating[Any]]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class RegionErrors:
+    """Sums and counts over one region of one image.
+
+    Attributes:
+        pixels: how many pixels count.
+        sum_abs: sum of absolute errors in pixels; ``inf`` where the prediction is not finite.
+        above: how many errors exceed each threshold of the image's record.
+        d1: how many errors exceed 3 px and 5 % of the ground truth.
+    """
+
+    pixels: int
+    sum_abs: float
+    above: tuple[int, ...]
+    d1: int
+
+
+@dataclass(frozen=True)
+class ImageErrors:
+    """Everything any metric needs of one image, by region.
+
+    Attributes:
+        id: the pair's name.
+        thresholds: in pixels, ascending; what ``above`` counts.
+        nonfinite: how many values of the whole predicted map are NaN or infinite.
+        regions: ``all`` = the pixels the protocol counts; ``edge`` = those of them within
+            ``EDGE_PIXELS`` of the image's border; ``visible`` and ``occluded``, where the data has a
+            mask, split the pixels with ground truth whether or not the protocol counts occluded ones.
+    """
+
+    id: str
+    thresholds: tuple[float, ...]
+    nonfinite: int
+    regions: Mapping[str, RegionErrors]
+
+    @property
+    def flagged(self) -> bool:
+        """True where the prediction is not finite everywhere."""
+        return self.nonfinite > 0
+
+    @property
+    def pixels(self) -> int:
+        """How many pixels the protocol counts."""
+        return self.regions["all"].pixels
+
+    def count(self, metric: Metric | str, region: str = "all") -> int:
+        """How many pixels of a region are bad by ``metric`` (bad-t or D1).
+
+        Raises:
+            InputError: the region or the threshold was not recorded, or the metric counts nothing (EPE).
+        """
+        metric = Metric.parse(metric) if isinstance(metric, str) else metric
+        errors = self.region(region)
+        if metric.kind is Kind.D1:
+            return errors.d1
+        if metric.kind is Kind.EPE:
+            raise InputError("metric 'epe' counts no pixels, expected d1 or bad-T")
+        if metric.threshold not in self.thresholds:
+            listed = ", ".join(f"{t:g}" for t in self.thresholds)
+            raise InputError(
+                f"image {self.id!r}: {metric} was not recorded, found the thresholds {listed} px; "
+                f"evaluate again with thresholds=thresholds_for('{metric}')"
+            )
+        return errors.above[self.thresholds.index(metric.threshold)]
+
+    def value(self, metric: Metric | str, region: str = "all") -> float:
+        """The metric over one region: pixels for EPE, percent for bad-t and D1.
+
+        Raises:
+            InputError: an unknown metric or region, a threshold that was not recorded, or no pixel to count.
+        """
+        metric = Metric.parse(metric) if isinstance(metric, str) else metric
+        errors = self.region(region)
+        if errors.pixels == 0:
+            raise InputError(
+                f"image {self.id!r}: found no valid pixel in region {region!r}, expected at least one"
+            )
+        if metric.kind is Kind.EPE:
+            return errors.sum_abs / errors.pixels
+        return 100.0 * self.count(metric, region) / errors.pixels
+
+    def region(self, name: str) -> RegionErrors:
+        """The sums and counts of one region.
+
+        Raises:
+            InputError: no such region, or the data could not tell it apart.
+        """
+        if name not in REGIONS:
+            raise unknown_name("region", name, REGIONS)
+        if name not in self.regions:
+            raise InputError(
+                f"image {self.id!r}: region {name!r} was not recorded, it needs an occlusion mask in the data"
+            )
+        return self.regions[name]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values for JSON; an infinite sum is the string ``inf``."""
+        return {
+            "id": self.id,
+            "thresholds": list(self.thresholds),
+            "nonfinite": self.nonfinite,
+            "regions": {
+                name: {
+                    "pixels": r.pixels,
+                    "sum_abs": r.sum_abs if math.isfinite(r.sum_abs) else "inf",
+                    "above": list(r.above),
+                    "d1": r.d1,
+                }
+                for name, r in self.regions.items()
+            },
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> ImageErrors:
+        """The inverse of :meth:`to_dict`.
+
+        Raises:
+            InputError: an entry is missing or of another kind.
+        """
+        try:
+            regions = {
+                str(name): RegionErrors(
+                    int(r["pixels"]), float(r["sum_abs"]), tuple(map(int, r["above"])), int(r["d1"])
+                )
+                for name, r in data["regions"].items()
+            }
+            thresholds = tuple(map(float, data["thresholds"]))
+            return cls(str(data["id"]), thresholds, int(data["nonfinite"]), regions)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(
+                f"image errors: {error!r} in the record, expected what ImageErrors.to_dict wrote"
+            ) from error
+
+
+def epe(prediction: Map, truth: Map, valid: Mask | None = None) -> float:
+    """End-point error: mean |prediction - truth| over the valid pixels, in pixels.
+
+    ``prediction`` and ``truth`` are (H, W) in pixels; ``valid`` is (H, W) bool, by default where the
+    truth is finite and positive. A prediction that is not finite everywhere gives ``inf``.
+
+    Raises:
+        InputError: shapes differ, or no pixel is valid.
+    """
+    return _measure("epe", prediction, truth, valid)
+
+
+def bad(prediction: Map, truth: Map, threshold: float, valid: Mask | None = None) -> float:
+    """Percent of the valid pixels off by more than ``threshold`` pixels; arguments as in :func:`epe`."""
+    return _measure(f"bad-{float(threshold)!r}", prediction, truth, valid)
+
+
+def d1(prediction: Map, truth: Map, valid: Mask | None = None) -> float:
+    """Percent of the valid pixels that are off by more than 3 px and more than 5 % of the truth.
+
+    KITTI 2015's outlier measure (Menze and Geiger, CVPR 2015); arguments as in :func:`epe`.
+    """
+    return _measure("d1", prediction, truth, valid)
+
+
+def thresholds_for(*metrics: Metric | str) -> tuple[float, ...]:
+    """The default thresholds and those that ``metrics`` ask for, ascending, in pixels."""
+    parsed = (Metric.parse(m) if isinstance(m, str) else m for m in metrics)
+    return tuple(sorted({*THRESHOLDS, *(m.threshold for m in parsed if m.kind is Kind.BAD)}))
+
+
+def image_errors(
+    prediction: Map,
+    sample: Sample,
+    protocol_mask: Mask,
+    *,
+    thresholds: Iterable[float] = THRESHOLDS,
+    split_mask: Mask | None = None,
+) -> ImageErrors:
+    """Sums and counts of one prediction for every metric at once.
+
+    ``prediction`` is (H, W) disparity in pixels, ``protocol_mask`` (H, W) bool says which pixels count;
+    ``split_mask`` which pixels are split into visible and occluded (those of the protocol unless given).
+
+    Raises:
+        InputError: prediction or mask has another shape than the sample.
+    """
+    _expect_shape(f"prediction for {sample.id!r}", prediction, sample.size)
+    _expect_shape(f"valid mask for {sample.id!r}", protocol_mask, sample.size)
+    limits = tuple(sorted({float(t) for t in thresholds}))
+    split = protocol_mask if split_mask is None else split_mask
+    known = np.isfinite(sample.disparity) & (sample.disparity > 0)
+    masks = {"all": protocol_mask & known, "edge": protocol_mask & known & edge_mask(sample.size)}
+    if sample.nonoccluded is not None:
+        masks["visible"] = split & known & sample.nonoccluded
+        masks["occluded"] = split & known & ~sample.nonoccluded
+    nonfinite = int(np.count_nonzero(~np.isfinite(prediction)))
+    regions = {
+        name: _region(prediction[masks[name]], sample.disparity[masks[name]], limits, nonfinite > 0)
+        for name in REGIONS
+        if name in masks
+    }
+    return ImageErrors(sample.id, limits, nonfinite, regions)
+
+
+def edge_mask(size: tuple[int, int], width: int = EDGE_PIXELS) -> Mask:
+    """(H, W) bool, True within ``width`` pixels of the image's border."""
+    mask = np.ones(size, dtype=np.bool_)
+    mask[width : max(size[0] - width, width), width : max(size[1] - width, width)] = False
+    return mask
+
+
+def _region(prediction: Map, truth: Map, limits: tuple[float, ...], broken: bool) -> RegionErrors:
+    pixels = int(truth.size)
+    if broken:
+        return RegionErrors(pixels, math.inf if pixels else 0.0, (pixels,) * len(limits), pixels)
+    true = truth.astype(np.float64)
+    errors = np.abs(prediction.astype(np.float64) - true)
+    above = tuple(int(np.count_nonzero(errors > t)) for t in limits)
+    outliers = int(np.count_nonzero((errors > D1_PIXELS) & (errors > D1_SHARE * true)))
+    return RegionErrors(pixels, float(errors.sum()), above, outliers)
+
+
+def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> float:
+    metric = Metric.parse(name)
+    _expect_shape("prediction", prediction, truth.shape)
+    known = np.isfinite(truth) & (truth > 0)
+    if valid is not None:
+        _expect_shape("valid mask", valid, truth.shape)
+        known &= valid
+    if not known.any():
+        raise InputError(f"{metric}: found no valid pixel, expected ground truth that is finite and positive")
+    limits = (metric.threshold,) if metric.kind is Kind.BAD else ()
+    broken = not bool(np.isfinite(prediction).all())
+    record = _region(prediction[known], truth[known], limits, broken)
+    return ImageErrors("array", limits, 0, {"all": record}).value(metric)
+
+
+def _expect_shape(what: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
+    if array.shape != shape:
+        raise InputError(
+            f"{what}: found shape {array.shape}, expected {tuple(shape)} as the ground truth has"
+        )
