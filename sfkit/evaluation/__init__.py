@@ -1,0 +1,20 @@
+"""Evaluation: metrics, protocols, engines, the evaluation store and what is built on them."""
+
+from sfkit.evaluation.estimate import Estimate, estimate
+from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.outcome import Outcome, Scorer
+from sfkit.evaluation.store import Evaluation, EvaluationStore
+from sfkit.evaluation.table import pivot, score_recipes
+
+__all__ = [
+    "CombinedScorer",
+    "Estimate",
+    "Evaluation",
+    "EvaluationStore",
+    "Evaluator",
+    "Outcome",
+    "Scorer",
+    "estimate",
+    "pivot",
+    "score_recipes",
+]

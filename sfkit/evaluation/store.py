@@ -120,7 +120,7 @@ class EvaluationStore:
         self.close()
 
     def __len__(self) -> int:
-        return int(self._one("SELECT COUNT(*) FROM evaluations")[0])
+        return int(self._rows("SELECT COUNT(*) FROM evaluations", ())[0][0])
 
     def close(self) -> None:
         """Close the file; nothing is pending, every write is already on disk."""
@@ -169,9 +169,6 @@ class EvaluationStore:
         """How often the evaluation under ``key`` was computed and offered; 0 where there is none."""
         row = self._rows("SELECT attempts FROM evaluations WHERE key = ?", (key,))
         return int(row[0][0]) if row else 0
-
-    def _one(self, query: str) -> Sequence[Any]:
-        return self._rows(query, ())[0]
 
     def _rows(self, query: str, values: Iterable[Any]) -> list[Any]:
         with self._lock, closing(self._db.execute(query, tuple(values))) as cursor:

@@ -1,0 +1,180 @@
+"""The evaluator: finds recipes in the store, has missing ones computed, writes before it tells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.measure import Metric
+from sfkit.errors import InputError
+from sfkit.evaluation.engines import InlineEngine, Result
+from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, thresholds_for
+from sfkit.evaluation.outcome import Outcome, Scorer
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.evaluation.protocols import protocol
+from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+
+@dataclass
+class Counts:
+    """What an evaluator has done so far."""
+
+    computed: int = 0
+    cached: int = 0
+    failed: int = 0
+    image_passes: int = 0
+    seconds: float = 0.0
+
+
+class Evaluator:
+    """Scores a pool's recipes on one benchmark; a :class:`~sfkit.evaluation.outcome.Scorer`.
+
+    Args:
+        pool: whose networks are merged.
+        benchmark: pairs, protocol and default metric.
+        store: where evaluations are kept; a store that keeps nothing without one.
+        metric: ``"bad-1.0"``, ``"d1"``, ``"epe"``, ...; the benchmark's own by default.
+        also: further metrics that will be asked of the same evaluations, for their thresholds.
+        device: ``"cpu"`` or ``"cuda:0"``; its type is part of the key, its number is not.
+        retry_failed: whether candidates recorded as failed are tried again.
+
+    Raises:
+        InputError: the benchmark cannot be evaluated as it is (missing files, no valid pixel, a mask the
+            protocol needs), before any network runs.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        benchmark: Benchmark,
+        *,
+        store: EvaluationStore | None = None,
+        metric: str | None = None,
+        also: Sequence[str] = (),
+        device: str = "cpu",
+        retry_failed: bool = False,
+    ) -> None:
+        self.pool = pool
+        self.benchmark = benchmark
+        self.metric = Metric.parse(metric or benchmark.metric)
+        self.store = store or EvaluationStore(":memory:")
+        self.device = device
+        self.retry_failed = retry_failed
+        self.counts = Counts()
+        self.thresholds = thresholds_for(self.metric, *also)
+        inputs = pool.architecture.inputs(pool.options)
+        self.prepared = PreparedBenchmark(benchmark, inputs, self.thresholds)
+        self._frame: dict[str, Any] = {
+            "base": pool.base.fingerprint,
+            "architecture": pool.describe(),
+            "benchmark": benchmark.fingerprint(),
+            "protocol": benchmark.protocol,
+            "family": benchmark.family,
+            "resolution": benchmark.resolution,
+            "precision": "float32",
+            "device": device.partition(":")[0],
+        }
+        if self.thresholds != THRESHOLDS:
+            self._frame["thresholds"] = list(self.thresholds)
+
+    @cached_property
+    def engine(self) -> InlineEngine:
+        """Runs what the store does not have; made when first needed."""
+        return InlineEngine(self.pool, self.prepared, device=self.device)
+
+    def describe(self, recipe: Recipe) -> dict[str, Any]:
+        """Everything that decides a recipe's scores, in content; its digest is the evaluation's key."""
+        return {**self._frame, "recipe": self.pool.canonical(recipe)}
+
+    def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
+        """One outcome a recipe, in order."""
+        return [self.outcome(evaluation) for evaluation in self.evaluate(recipes)]
+
+    def evaluate(self, recipes: Sequence[Recipe]) -> list[Evaluation]:
+        """The evaluations of recipes, from the store or computed and stored; equal recipes run once.
+
+        Raises:
+            InputError: a recipe does not suit the pool.
+        """
+        descriptions = [self.describe(recipe) for recipe in recipes]
+        keys = [evaluation_key(description) for description in descriptions]
+        known: dict[str, Evaluation] = {}
+        missing: dict[str, int] = {}
+        for number, key in enumerate(keys):
+            held = self.store.get(key) if key not in known and key not in missing else None
+            if held is not None and not (held.failure and self.retry_failed):
+                known[key] = held
+                self.counts.cached += 1
+            elif key not in known:
+                missing.setdefault(key, number)
+        numbers = list(missing.values())
+        for position, result in self.engine.run([recipes[n] for n in numbers]) if numbers else ():
+            key = keys[numbers[position]]
+            known[key] = self._record(key, descriptions[numbers[position]], result)
+        return [known[key] for key in keys]
+
+    def score(self, images: Sequence[ImageErrors], metric: str | Metric | None = None) -> float:
+        """A benchmark score from per-image errors under the benchmark's protocol, lower is better."""
+        rule = protocol(self.benchmark.protocol)
+        return rule.aggregate(images, metric or self.metric, self.benchmark.family)
+
+    def outcome(self, evaluation: Evaluation) -> Outcome:
+        """What a search hears of an evaluation."""
+        score = math.inf if evaluation.failure else self.score(evaluation.images)
+        return Outcome(score, evaluation.seconds, evaluation.cached, evaluation.failure, evaluation.key)
+
+    def _record(self, key: str, description: dict[str, Any], result: Result) -> Evaluation:
+        fresh = Evaluation(key, description, result.images, result.failure, result.seconds)
+        held = self.store.put(fresh)
+        self.counts.computed += 1
+        self.counts.failed += result.failure is not None
+        self.counts.image_passes += len(result.images)
+        self.counts.seconds += result.seconds
+        return Evaluation(held.key, held.description, held.images, held.failure, held.seconds)
+
+
+class CombinedScorer:
+    """One score from several benchmarks: their mean, or the worst of them.
+
+    Args:
+        evaluators: one for each validation benchmark.
+        how: ``"mean"`` or ``"worst"``. The metrics must have one unit.
+
+    Raises:
+        InputError: no evaluator, another word than these, or metrics of different units.
+    """
+
+    def __init__(self, evaluators: Sequence[Scorer], how: str = "mean") -> None:
+        if how not in ("mean", "worst"):
+            raise InputError(f"validation: found {how!r}, expected 'mean' or 'worst' of the benchmarks")
+        if not evaluators:
+            raise InputError("validation: found no benchmark, expected at least one")
+        units = {e.metric.unit for e in evaluators if isinstance(e, Evaluator)}
+        if len(units) > 1:
+            raise InputError(
+                f"validation: metrics in {' and '.join(sorted(units))}, expected one unit to combine"
+            )
+        self.evaluators = tuple(evaluators)
+        self.how = how
+
+    def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
+        """One outcome a recipe: failed where any benchmark failed, cached where all were."""
+        table = [evaluator(recipes) for evaluator in self.evaluators]
+        return [self._combine([row[n] for row in table]) for n in range(len(recipes))]
+
+    def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
+        scores = [outcome.score for outcome in outcomes]
+        score = max(scores) if self.how == "worst" else math.fsum(scores) / len(scores)
+        return Outcome(
+            score,
+            math.fsum(outcome.seconds for outcome in outcomes),
+            all(outcome.cached for outcome in outcomes),
+            next((outcome.error for outcome in outcomes if outcome.error), None),
+            "+".join(outcome.key for outcome in outcomes),
+        )

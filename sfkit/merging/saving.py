@@ -1,0 +1,139 @@
+"""Merged networks as files that carry their recipe, their origin and their licences."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from sfkit.checkpoints.reading import SUFFIXES, read_checkpoint
+from sfkit.checkpoints.writing import FileForm, write_checkpoint
+from sfkit.errors import InputError
+from sfkit.merging.opening import Checked
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+
+@dataclass(frozen=True)
+class Origin:
+    """How a merged file was made, as its metadata tells.
+
+    Attributes:
+        recipe: rebuilds the network from its pool.
+        pool: the pool's name.
+        architecture: name, version and options.
+        blocks: block name -> key patterns.
+        base: file name, fingerprint and licence of the base.
+        sources: the same of each source with a weight, by name.
+        sfkit: the version that wrote it.
+    """
+
+    recipe: Recipe
+    pool: str
+    architecture: Mapping[str, Any]
+    blocks: Mapping[str, Any]
+    base: Mapping[str, str]
+    sources: Mapping[str, Mapping[str, str]]
+    sfkit: str
+
+    @property
+    def licences(self) -> dict[str, str]:
+        """Member -> licence as ``pool.toml`` states it; weights trained on restricted data stay so."""
+        members = {"base": self.base, **self.sources}
+        return {name: member["licence"] or "not stated" for name, member in members.items()}
+
+
+def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:
+    """The text entries a merged file carries; :func:`read_origin` reads them back."""
+    weighing = [n for e, n in enumerate(recipe.sources) if any(row[e] for row in recipe.weights)]
+    members = {source.name: source for source in pool.sources}
+    described = pool.describe()
+    values = {
+        "recipe": recipe.as_dict(),
+        "pool": pool.name,
+        "architecture": {key: described[key] for key in ("name", "version", "options")},
+        "blocks": dict(zip(pool.blocks, map(list, pool.partition.patterns), strict=True)),
+        "base": _member(pool.base),
+        "sources": {name: _member(members[name]) for name in weighing},
+        "sfkit": version("sfkit"),
+    }
+    return {f"sfkit.{key}": json.dumps(value) for key, value in values.items()}
+
+
+def _member(member: Checked) -> dict[str, str]:
+    return {"file": member.path.name, "fingerprint": member.fingerprint, "licence": member.licence}
+
+
+def save_merged(
+    pool: Pool,
+    recipe: Recipe,
+    path: str | Path,
+    *,
+    form: FileForm = FileForm.SAFETENSORS,
+    overwrite: bool = False,
+) -> Path:
+    """Write the network a recipe describes, in the key names of the base's file.
+
+    A bare torch state dict has no room for metadata, so there the recipe lies beside it as
+    ``NAME.recipe.json``.
+
+    Raises:
+        InputError: the recipe does not suit the pool, or the target is refused
+            (:func:`~sfkit.checkpoints.writing.check_target`).
+    """
+    metadata = origin_metadata(pool, recipe)
+    state, layout = pool.state_dict(recipe), pool.base.layout
+    names = pool.architecture.rename(state) if pool.architecture.rename else {}
+    original = {new: old for old, new in names.items()}
+    state = {original.get(key, key): tensor for key, tensor in state.items()}
+    written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
+    if form is FileForm.ORIGINAL and layout.container is None:
+        sidecar = written.with_name(written.name + ".recipe.json")
+        sidecar.write_text(json.dumps(metadata, indent=2), encoding="utf-8")
+    return written
+
+
+def read_origin(path: str | Path) -> Origin | None:
+    """How a merged file was made; None where it was not made by sfkit.
+
+    Raises:
+        InputError: the file cannot be read, or its metadata is malformed.
+    """
+    path = Path(path)
+    metadata = dict(read_checkpoint(path).metadata)
+    sidecar = path.with_name(path.name + ".recipe.json")
+    if not metadata and sidecar.is_file():
+        metadata = json.loads(sidecar.read_text(encoding="utf-8"))
+    if "sfkit.recipe" not in metadata:
+        return None
+    try:
+        values = {
+            key[6:]: json.loads(text) for key, text in metadata.items() if key.startswith("sfkit.") and text
+        }
+        recipe = Recipe.from_dict(values["recipe"], where=str(path))
+        rest = {key: values[key] for key in ("pool", "architecture", "blocks", "base", "sources", "sfkit")}
+    except (json.JSONDecodeError, KeyError) as error:
+        raise InputError(f"{path}: its sfkit metadata is malformed ({error}), was it edited?") from error
+    return Origin(recipe, **rest)
+
+
+def read_recipe(path: str | Path) -> Recipe:
+    """A recipe from its JSON file, or from a merged network's metadata.
+
+    Raises:
+        InputError: no such file, or no recipe in it.
+    """
+    path = Path(path)
+    if path.suffix in SUFFIXES:
+        origin = read_origin(path)
+        if origin is None:
+            raise InputError(
+                f"{path}: carries no recipe, expected a file that sfkit merged or a recipe as JSON"
+            )
+        return origin.recipe
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a recipe as JSON or a merged network")
+    return Recipe.from_json(path.read_text(encoding="utf-8", errors="replace"), where=str(path))
