@@ -1,176 +1,133 @@
-"""Benchmarks: stereo pairs with ground truth, and what to measure on them."""
+"""Open benchmarks: a public data set, a folder of pairs of one's own, or samples in memory."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
-from sfkit.datasets.measure import PAIRS_PROTOCOL, Metric, protocols_without_mask, rule
-from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
-from sfkit.errors import InputError, unknown_name
+from sfkit.datasets.benchmark_record import Benchmark
+from sfkit.datasets.finding import Found, find_pairs, nothing_found
+from sfkit.datasets.folders import find_in_folders, nothing_recognised
+from sfkit.datasets.manifests import load_manifest
+from sfkit.datasets.measure import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
+from sfkit.datasets.pairs import MemoryPair, Pair, Sample
+from sfkit.datasets.roots import open_root
+from sfkit.datasets.tables import find_in_table
+from sfkit.errors import InputError
 
+__all__ = ["PAIRS", "PAIRS_METRIC", "Benchmark", "find_own_pairs", "memory_benchmark", "open_benchmark"]
+
+PAIRS = "pairs"
 PAIRS_METRIC = "epe"
-FAMILY_METRICS: Mapping[str, str] = MappingProxyType(
-    {"eth3d": "bad-1.0", "kitti": "d1", "middlebury": "bad-2.0", "pairs": PAIRS_METRIC}
-)
 
 
-@dataclass(frozen=True)
-class Benchmark:
-    """Pairs with ground truth, a protocol that says which pixels count, and the metric to report.
+def open_benchmark(
+    name: str,
+    root: Path | str,
+    *,
+    protocol: str | None = None,
+    metric: str | None = None,
+    resolution: str | None = None,
+    pairs: int | Iterable[str] | None = None,
+    coding: str | None = None,
+    table: Path | str | None = None,
+) -> Benchmark:
+    """Find the pairs of a data set under a folder; no image is read.
 
-    Attributes:
-        name: the data set's name, or the caller's for folders and rendered pairs.
-        family: which of a protocol's rules applies: ``eth3d``, ``kitti``, ``middlebury`` or ``pairs``.
-        pairs: at least one; the order is the order of all per-image results.
-        protocol: see :mod:`sfkit.evaluation.protocols`.
-        metric: ``epe`` (pixels), ``d1`` or ``bad-T`` (percent), in its one spelling.
-        resolution: ``F``, ``H`` or ``Q`` for Middlebury, else None.
-        expected: how many pairs the whole data set has, None where that is not known.
-        root: the folder the files lie in, None for pairs in memory.
-        citation: what to cite where results are shown.
-        licence: the terms of the data.
-        notes: what a reader of results should know, such as grey images in the place of colour.
+    Args:
+        name: a manifest's name (``eth3d``, ``kitti2012``, ``kitti2015``, ``middlebury``), or ``pairs``
+            for a folder of one's own (see :mod:`sfkit.datasets.folders`) or a CSV file.
+        root: the folder; for ``pairs`` also a CSV file, whose paths are then relative to its folder.
+        protocol: ``openstereo`` unless given; ``all-valid`` for ``pairs``.
+        metric: the protocol's or the data set's own unless given; ``epe`` for ``pairs``.
+        resolution: ``F``, ``H`` or ``Q`` of Middlebury; one that the protocol allows unless given.
+        pairs: the first so many pairs, or the ids to keep.
+        coding: how the ground truth of ``pairs`` is coded, where its suffix does not settle it.
+        table: a CSV file that lies elsewhere than ``root``.
+
+    Raises:
+        InputError: an unknown name, no complete pair, ambiguous or misplaced files, or settings that do
+            not fit each other; the message says what to do.
     """
-
-    name: str
-    family: str
-    pairs: tuple[Pair, ...]
-    protocol: str
-    metric: str
-    resolution: str | None = None
-    expected: int | None = None
-    root: Path | None = None
-    citation: str = ""
-    licence: str = ""
-    notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        allowed = rule(self.protocol, self.family).resolutions
-        if allowed and self.resolution not in allowed:
+    if name == PAIRS:
+        if resolution is not None:
+            raise InputError(f"pairs: found resolution={resolution!r}, a folder has none; leave it out")
+        whole = _open_pairs(root, protocol, metric, coding, table)
+    else:
+        if coding is not None or table is not None:
             raise InputError(
-                f"benchmark {self.name!r}: found resolution {self.resolution}, protocol {self.protocol!r} "
-                f"expected {' or '.join(allowed)}; change the resolution or the protocol"
+                f"{name}: found coding or table, its manifest says both; use 'pairs' or leave them"
             )
-        object.__setattr__(self, "metric", Metric.parse(self.metric).name)
-        if not self.pairs:
-            raise InputError(f"benchmark {self.name!r}: found no pair, expected at least one")
-        ids = [pair.id for pair in self.pairs]
-        if twice := sorted({i for i in ids if ids.count(i) > 1}):
-            raise InputError(f"benchmark {self.name!r}: found the ids {twice} twice, expected each once")
+        whole = _open_named(name, root, protocol, metric, resolution)
+    if pairs is None:
+        return whole
+    return whole.first(pairs) if isinstance(pairs, int) else whole.select(pairs)
 
-    def __len__(self) -> int:
-        return len(self.pairs)
 
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """The pairs' names, in order."""
-        return tuple(pair.id for pair in self.pairs)
+def _open_named(
+    name: str, root: Path | str, protocol: str | None, metric: str | None, resolution: str | None
+) -> Benchmark:
+    manifest, folder = load_manifest(name), open_root(root)
+    protocol = protocol or DEFAULT_PROTOCOL
+    metric = metric or default_metric(protocol, manifest.family, manifest.metric)
+    resolution = manifest.resolution(resolution, rule(protocol, manifest.family).resolutions)
+    found = find_pairs(manifest, folder, resolution)
+    if not found.pairs:
+        raise InputError(nothing_found(manifest, folder, resolution, found))
+    return Benchmark(
+        name=name,
+        family=manifest.family,
+        pairs=found.pairs,
+        protocol=protocol,
+        metric=metric,
+        resolution=resolution,
+        own_metric=manifest.metric,
+        expected=len(manifest.ids),
+        root=folder,
+        citation=manifest.citation,
+        licence=manifest.licence,
+        notes=found.notes,
+    )
 
-    @property
-    def coverage(self) -> str:
-        """How much of the data set is here, such as ``1 of 27 pairs``."""
-        total = "" if self.expected is None else f" of {self.expected}"
-        return f"{len(self)}{total} pair{'s' if (self.expected or len(self)) != 1 else ''}"
 
-    def samples(self) -> Iterator[Sample]:
-        """Load the pairs one after another; nothing is kept."""
-        for pair in self.pairs:
-            yield pair.load()
-
-    def first(self, n: int) -> Benchmark:
-        """A benchmark of the first ``n`` pairs (all of them where there are fewer).
-
-        Raises:
-            InputError: ``n`` is below 1.
-        """
-        if n < 1:
-            raise InputError(f"benchmark {self.name!r}: found n = {n}, expected at least 1 pair")
-        return replace(self, pairs=self.pairs[:n])
-
-    def select(self, ids: Iterable[str]) -> Benchmark:
-        """A benchmark of the named pairs, in this benchmark's order.
-
-        Raises:
-            InputError: an id that is not here, or none at all.
-        """
-        wanted = set(ids)
-        for name in sorted(wanted - set(self.ids)):
-            raise unknown_name(f"pair of benchmark {self.name!r}", name, self.ids)
-        return replace(self, pairs=tuple(pair for pair in self.pairs if pair.id in wanted))
-
-    def measured_by(self, *, protocol: str | None = None, metric: str | None = None) -> Benchmark:
-        """The same pairs under another protocol or metric; a new protocol brings its own metric.
-
-        Raises:
-            InputError: an unknown protocol or metric, or a protocol that does not fit the resolution.
-        """
-        protocol = protocol or self.protocol
-        if metric is None:
-            metric = self.metric if protocol == self.protocol else default_metric(protocol, self.family)
-        return replace(self, protocol=protocol, metric=metric)
-
-    def ensure_scorable(self) -> None:
-        """Check before long work that every pair on disk has what the protocol asks for.
-
-        Raises:
-            InputError: ground truth or an occlusion mask that the protocol needs is missing.
-        """
-        visible_only = rule(self.protocol, self.family).visible_only
-        for pair in self.pairs:
-            if isinstance(pair, StereoPair) and pair.disparity is None:
-                raise InputError(
-                    f"{pair.id}: found no ground truth for {pair.left}, expected a disparity file"
-                )
-            masked = pair.mask if isinstance(pair, StereoPair) else True
-            if isinstance(pair, MemoryPair):
-                masked = pair.sample.nonoccluded is not None
-            if visible_only and not masked:
-                raise InputError(self._mask_missing(pair))
-
-    def fingerprint(self) -> str:
-        """SHA-256 (hex) over the content, ids and codings of all pairs, in order; paths do not matter."""
-        digest = hashlib.sha256()
-        for pair in self.pairs:
-            digest.update(pair.fingerprint().encode())
-        return digest.hexdigest()
-
-    def describe(self) -> dict[str, Any]:
-        """Plain values: what is measured, on how much of the data set, and whose data it is."""
-        return {
-            "name": self.name,
-            "family": self.family,
-            "pairs": len(self),
-            "expected": self.expected,
-            "protocol": self.protocol,
-            "metric": self.metric,
-            "unit": Metric.parse(self.metric).unit,
-            "resolution": self.resolution,
-            "citation": self.citation,
-            "licence": self.licence,
-            "notes": list(self.notes),
-        }
-
-    def __str__(self) -> str:
-        size = f", resolution {self.resolution}" if self.resolution else ""
-        return f"{self.name}: {self.coverage}{size}, {self.metric} under protocol {self.protocol}"
-
-    def _mask_missing(self, pair: Pair) -> str:
-        beside = f" beside {pair.disparity}" if isinstance(pair, StereoPair) else ""
-        able = ", ".join(protocols_without_mask(self.family))
-        return (
-            f"{pair.id}: protocol {self.protocol!r} counts visible pixels only, found no mask0nocc.png"
-            f"{beside}, expected an occlusion mask; add it, or choose a protocol that does without: {able}"
+def _open_pairs(
+    root: Path | str, protocol: str | None, metric: str | None, coding: str | None, table: Path | str | None
+) -> Benchmark:
+    protocol = protocol or PAIRS_PROTOCOL
+    metric = metric or default_metric(protocol, PAIRS, PAIRS_METRIC)
+    folder, found = find_own_pairs(root, coding, table)
+    lacking = [file for files in found.missing.values() for file in files]
+    if lacking and (table is not None or Path(root).is_file()):
+        raise InputError(
+            f"{table or root}: found no {', '.join(lacking[:3])}, expected all files under {folder}"
         )
+    if not found.pairs:
+        raise InputError(nothing_recognised(folder, found))
+    return Benchmark(
+        name=folder.name,
+        family=PAIRS,
+        pairs=found.pairs,
+        protocol=protocol,
+        metric=metric,
+        root=folder,
+        notes=found.notes,
+    )
 
 
-def default_metric(protocol: str, family: str) -> str:
-    """What a protocol reports for a family; raises InputError where the protocol has no rule for it."""
-    return rule(protocol, family).metric or FAMILY_METRICS[family]
+def find_own_pairs(
+    root: Path | str, coding: str | None = None, table: Path | str | None = None
+) -> tuple[Path, Found]:
+    """The root and the pairs of a folder, or of a CSV file (``table``, or ``root`` itself).
+
+    Raises:
+        InputError: nothing is there, or see :mod:`sfkit.datasets.folders` and :mod:`sfkit.datasets.tables`.
+    """
+    if table is None and Path(root).is_file():
+        table, root = root, Path(root).parent
+    folder = open_root(root)
+    if table is None:
+        return folder, find_in_folders(folder, coding)
+    return folder, find_in_table(Path(table), folder, coding)
 
 
 def memory_benchmark(
@@ -194,7 +151,7 @@ def memory_benchmark(
         family=family,
         pairs=tuple(MemoryPair(p.id, p) if isinstance(p, Sample) else p for p in pairs),
         protocol=protocol,
-        metric=metric or default_metric(protocol, family),
+        metric=metric or default_metric(protocol, family, PAIRS_METRIC),
         citation=citation,
         licence=licence,
         notes=tuple(notes),

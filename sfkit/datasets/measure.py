@@ -132,3 +132,12 @@ def rule(protocol: str, family: str) -> Rule:
 def protocols_without_mask(family: str) -> tuple[str, ...]:
     """The protocols that score a family without an occlusion mask."""
     return tuple(n for n, rules in RULES.items() if family in rules and not rules[family].visible_only)
+
+
+def default_metric(protocol: str, family: str, own_metric: str) -> str:
+    """What a protocol reports for a family where it says so, else the data set's own metric.
+
+    Raises:
+        InputError: an unknown protocol, or one without a rule for the family.
+    """
+    return rule(protocol, family).metric or own_metric

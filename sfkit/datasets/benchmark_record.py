@@ -1,0 +1,168 @@
+"""The benchmark record: stereo pairs with ground truth, and what to measure on them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from sfkit.datasets.measure import Metric, default_metric, protocols_without_mask, rule
+from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
+from sfkit.errors import InputError, unknown_name
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """Pairs with ground truth, a protocol that says which pixels count, and the metric to report.
+
+    Attributes:
+        name: the data set's name, or the caller's for folders and rendered pairs.
+        family: which of a protocol's rules applies: ``eth3d``, ``kitti``, ``middlebury`` or ``pairs``.
+        pairs: at least one; the order is the order of all per-image results.
+        protocol: see :mod:`sfkit.evaluation.protocols`.
+        metric: ``epe`` (pixels), ``d1`` or ``bad-T`` (percent), in its one spelling.
+        resolution: ``F``, ``H`` or ``Q`` for Middlebury, else None.
+        own_metric: what the data set itself reports; that of ``metric`` where it has none.
+        expected: how many pairs the whole data set has, None where that is not known.
+        root: the folder the files lie in, None for pairs in memory.
+        citation: what to cite where results are shown.
+        licence: the terms of the data.
+        notes: what a reader of results should know, such as grey images in the place of colour.
+    """
+
+    name: str
+    family: str
+    pairs: tuple[Pair, ...]
+    protocol: str
+    metric: str
+    resolution: str | None = None
+    own_metric: str = ""
+    expected: int | None = None
+    root: Path | None = None
+    citation: str = ""
+    licence: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        allowed = rule(self.protocol, self.family).resolutions
+        if allowed and self.resolution not in allowed:
+            raise InputError(
+                f"benchmark {self.name!r}: found resolution {self.resolution}, protocol {self.protocol!r} "
+                f"expected {' or '.join(allowed)}; change the resolution or the protocol"
+            )
+        object.__setattr__(self, "metric", Metric.parse(self.metric).name)
+        object.__setattr__(self, "own_metric", Metric.parse(self.own_metric or self.metric).name)
+        if not self.pairs:
+            raise InputError(f"benchmark {self.name!r}: found no pair, expected at least one")
+        ids = [pair.id for pair in self.pairs]
+        if twice := sorted({i for i in ids if ids.count(i) > 1}):
+            raise InputError(f"benchmark {self.name!r}: found the ids {twice} twice, expected each once")
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The pairs' names, in order."""
+        return tuple(pair.id for pair in self.pairs)
+
+    @property
+    def coverage(self) -> str:
+        """How much of the data set is here, such as ``1 of 27 pairs``."""
+        total = "" if self.expected is None else f" of {self.expected}"
+        return f"{len(self)}{total} pair{'s' if (self.expected or len(self)) != 1 else ''}"
+
+    def samples(self) -> Iterator[Sample]:
+        """Load the pairs one after another; nothing is kept."""
+        for pair in self.pairs:
+            yield pair.load()
+
+    def first(self, n: int) -> Benchmark:
+        """A benchmark of the first ``n`` pairs (all of them where there are fewer).
+
+        Raises:
+            InputError: ``n`` is below 1.
+        """
+        if n < 1:
+            raise InputError(f"benchmark {self.name!r}: found n = {n}, expected at least 1 pair")
+        return replace(self, pairs=self.pairs[:n])
+
+    def select(self, ids: Iterable[str]) -> Benchmark:
+        """A benchmark of the named pairs, in this benchmark's order.
+
+        Raises:
+            InputError: an id that is not here, or none at all.
+        """
+        wanted = set(ids)
+        for name in sorted(wanted - set(self.ids)):
+            raise unknown_name(f"pair of benchmark {self.name!r}", name, self.ids)
+        return replace(self, pairs=tuple(pair for pair in self.pairs if pair.id in wanted))
+
+    def measured_by(self, *, protocol: str | None = None, metric: str | None = None) -> Benchmark:
+        """The same pairs under another protocol or metric.
+
+        Without ``metric``, the protocol's own metric replaces that of the protocol before; a metric that
+        was chosen otherwise stays.
+
+        Raises:
+            InputError: an unknown protocol or metric, or a protocol that does not fit the resolution.
+        """
+        protocol = protocol or self.protocol
+        if metric is None and self.metric == default_metric(self.protocol, self.family, self.own_metric):
+            metric = default_metric(protocol, self.family, self.own_metric)
+        return replace(self, protocol=protocol, metric=metric or self.metric)
+
+    def ensure_scorable(self) -> None:
+        """Check before long work that every pair on disk has what the protocol asks for.
+
+        Raises:
+            InputError: ground truth or an occlusion mask that the protocol needs is missing.
+        """
+        visible_only = rule(self.protocol, self.family).visible_only
+        for pair in self.pairs:
+            if isinstance(pair, StereoPair) and pair.disparity is None:
+                raise InputError(
+                    f"{pair.id}: found no ground truth for {pair.left}, expected a disparity file"
+                )
+            masked = pair.mask if isinstance(pair, StereoPair) else True
+            if isinstance(pair, MemoryPair):
+                masked = pair.sample.nonoccluded is not None
+            if visible_only and not masked:
+                raise InputError(self._mask_missing(pair))
+
+    def fingerprint(self) -> str:
+        """SHA-256 (hex) over the content, ids and codings of all pairs, in order; paths do not matter."""
+        digest = hashlib.sha256()
+        for pair in self.pairs:
+            digest.update(pair.fingerprint().encode())
+        return digest.hexdigest()
+
+    def describe(self) -> dict[str, Any]:
+        """Plain values: what is measured, on how much of the data set, and whose data it is."""
+        return {
+            "name": self.name,
+            "family": self.family,
+            "pairs": len(self),
+            "expected": self.expected,
+            "protocol": self.protocol,
+            "metric": self.metric,
+            "unit": Metric.parse(self.metric).unit,
+            "resolution": self.resolution,
+            "citation": self.citation,
+            "licence": self.licence,
+            "notes": list(self.notes),
+        }
+
+    def __str__(self) -> str:
+        size = f", resolution {self.resolution}" if self.resolution else ""
+        return f"{self.name}: {self.coverage}{size}, {self.metric} under protocol {self.protocol}"
+
+    def _mask_missing(self, pair: Pair) -> str:
+        beside = f" beside {pair.disparity}" if isinstance(pair, StereoPair) else ""
+        able = ", ".join(protocols_without_mask(self.family))
+        return (
+            f"{pair.id}: protocol {self.protocol!r} counts visible pixels only, found no mask0nocc.png"
+            f"{beside}, expected an occlusion mask; add it, or choose a protocol that does without: {able}"
+        )

@@ -1,0 +1,108 @@
+"""Find the pairs of a public data set under a root, by its manifest."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+
+from sfkit.datasets.manifests import ID, RESOLUTION, Layout, Manifest
+from sfkit.datasets.pairs import StereoPair
+from sfkit.datasets.roots import inside
+
+NEEDED = ("left", "right", "disparity")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What lies under a root.
+
+    Attributes:
+        pairs: the complete pairs, sorted by id.
+        missing: the files that incomplete pairs lack, by id, relative to the root where they have a place.
+        notes: what a reader of results should know.
+    """
+
+    pairs: tuple[StereoPair, ...]
+    missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> Found:
+    """The pairs of a data set under ``root``: of the first layout that has a complete one.
+
+    Where none is complete, the pairs of the first layout that has any left image are listed as missing.
+
+    Raises:
+        InputError: a file leads outside the root.
+    """
+    fallback = Found(())
+    for place in manifest.places:
+        for layout in manifest.layouts:
+            found = _find(layout, root, place, resolution)
+            if found.pairs:
+                return found
+            if found.missing and not fallback.missing:
+                fallback = found
+    return fallback
+
+
+def nothing_found(manifest: Manifest, root: Path, resolution: str | None, found: Found) -> str:
+    """The sentence for a root without one complete pair: what was looked for, what lacks, what to do."""
+    if found.missing:
+        name, files = next(iter(found.missing.items()))
+        what = f"{len(found.missing)} left images but no complete pair: {name!r} lacks {', '.join(files)}"
+    else:
+        first = _fill(manifest.layouts[0].left, manifest.ids[0], resolution)
+        what = f"no pair, expected files such as {first}"
+    return f"{manifest.name}: under {root} found {what}; {manifest.get} ({manifest.home})"
+
+
+def _find(layout: Layout, root: Path, place: str, resolution: str | None) -> Found:
+    pairs, missing = [], {}
+    for name in _ids(layout, root, place, resolution):
+        files = {
+            role: inside(root, PurePosixPath(place, _fill(pattern, name, resolution)))
+            for role, pattern in layout.patterns().items()
+        }
+        lacking = tuple(
+            files[role].relative_to(root).as_posix() for role in NEEDED if not files[role].is_file()
+        )
+        if lacking:
+            missing[name] = lacking
+        else:
+            pairs.append(_pair(name, layout, files))
+    return Found(tuple(pairs), missing, (layout.note,) if layout.note else ())
+
+
+def _pair(name: str, layout: Layout, files: Mapping[str, Path]) -> StereoPair:
+    there = {role: path for role, path in files.items() if path.is_file()}
+    return StereoPair(
+        id=name,
+        left=files["left"],
+        right=files["right"],
+        disparity=files["disparity"],
+        coding=layout.coding,
+        mask=there.get("mask"),
+        mask_coding=layout.mask_coding,
+        calibration=there.get("calibration"),
+    )
+
+
+def _ids(layout: Layout, root: Path, place: str, resolution: str | None) -> list[str]:
+    """The names that take the place of ``{id}`` in the left image's pattern, sorted."""
+    parts = PurePosixPath(place, _fill(layout.left, ID, resolution)).parts
+    at = next(i for i, part in enumerate(parts) if ID in part)
+    folder = inside(root, PurePosixPath(*parts[:at]))
+    if not folder.is_dir():
+        return []
+    before, _, after = parts[at].partition(ID)
+    wanted = re.compile(f"{re.escape(before)}({layout.id}){re.escape(after)}")
+    names = (wanted.fullmatch(entry.name) for entry in folder.iterdir())
+    rest = parts[at + 1 :]
+    return sorted(m[1] for m in names if m and (folder / m[0]).joinpath(*rest).is_file())
+
+
+def _fill(pattern: str, name: str, resolution: str | None) -> str:
+    return pattern.replace(ID, name).replace(RESOLUTION, resolution or "")

@@ -1,0 +1,176 @@
+"""Pairs in a folder of any origin: one sub-folder a pair, with file names in common use.
+
+| left | right | disparity |
+|---|---|---|
+| ``im0`` | ``im1`` | ``disp0GT``, ``disp0`` |
+| ``im2`` | ``im6`` | ``disp2`` |
+| ``view1`` | ``view5`` | ``disp1`` |
+| ``left`` | ``right`` | ``disp``, ``disparity``, ``disp_left``, ``gt`` |
+| ``NAME_left`` | ``NAME_right`` | ``NAME_disp``, ``NAME_disparity`` |
+
+A ``pairs.toml`` in the folder or in a sub-folder may set ``left``, ``right``, ``disparity``, ``mask``
+(file names) and ``coding``; that of the sub-folder comes first. The scale of a PNG cannot be guessed,
+so PNG ground truth needs a coding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from sfkit.datasets.finding import NEEDED, Found
+from sfkit.datasets.formats import Coding, coding_of_suffix
+from sfkit.datasets.manifests import read_toml
+from sfkit.datasets.pairs import StereoPair
+from sfkit.datasets.roots import inside
+from sfkit.errors import InputError, nearest
+
+HINTS = "pairs.toml"
+HINT_KEYS = ("coding", "disparity", "left", "mask", "right")
+IMAGES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff")
+DISPARITIES = (".npy", ".npz", ".pfm", ".png")
+MASKS = ("mask0nocc", "nocc", "mask")
+CONVENTIONS = (
+    ("im0", "im1", ("disp0GT", "disp0")),
+    ("im2", "im6", ("disp2",)),
+    ("view1", "view5", ("disp1",)),
+    ("left", "right", ("disp", "disparity", "disp_left", "gt")),
+)
+
+
+def find_in_folders(root: Path, coding: str | None = None) -> Found:
+    """The pairs in the sub-folders of ``root``, or in ``root`` itself where it holds the images.
+
+    ``coding`` is used for the ground truth whose suffix it fits, in the place of any hint.
+
+    Raises:
+        InputError: a folder is ambiguous, a PNG has no coding, a hint is wrong or leads outside.
+    """
+    hints = _hints(root)
+    pairs, missing, strange = [], {}, []
+    folders = [f for f in sorted(root.iterdir()) if f.is_dir() and not f.name.startswith(".")]
+    for folder in [root, *folders]:
+        inside(root, folder)
+        own = hints if folder == root else {**hints, **_hints(folder)}
+        roles = _roles(folder, own)
+        if "left" not in roles:
+            strange += [folder.name] if folder != root else []
+            continue
+        lacking = tuple(f"{folder.name}: the {role} file" for role in NEEDED if role not in roles)
+        if lacking:
+            missing[folder.name] = lacking
+        else:
+            pairs.append(_pair(root, folder.name, roles, [coding, own.get("coding")]))
+    note = (f"no pair was recognised in: {', '.join(strange)}",) if strange else ()
+    return Found(tuple(pairs), missing, note)
+
+
+def nothing_recognised(root: Path, found: Found) -> str:
+    """The sentence for a folder without one complete pair."""
+    if found.missing:
+        what = "no complete pair, without " + "; ".join(f for files in found.missing.values() for f in files)
+    else:
+        what = "no pair with file names in common use"
+    names = ", ".join(f"{left}/{right}" for left, right, _ in CONVENTIONS)
+    return (
+        f"{root}: found {what}; expected sub-folders with {names} or *_left/*_right and a disparity file; "
+        f"name the files in a {HINTS}, or list them in a CSV with the columns left, right, disparity"
+    )
+
+
+def coding_for(path: Path, given: Iterable[str | None]) -> str:
+    """The first coding of ``given`` that fits the file's suffix, else the one the suffix settles.
+
+    Raises:
+        InputError: an image of unknown scale.
+    """
+    suffix = path.suffix.lower()
+    for coding in given:
+        if coding and f".{Coding.parse(coding).kind.rstrip('0123456789')}" == suffix:
+            return coding
+    settled = coding_of_suffix(path)
+    if settled is None:
+        raise InputError(
+            f"{path}: found no coding for this ground truth, and the scale of a PNG cannot be guessed; "
+            "expected png16 (value / 256), png16:S or png8:S (value / S) as coding=..., as 'coding' in a "
+            f"{HINTS} beside it, or in a CSV column 'coding'"
+        )
+    return settled
+
+
+def _pair(root: Path, name: str, roles: Mapping[str, Path], codings: Iterable[str | None]) -> StereoPair:
+    files = {role: inside(root, path) for role, path in roles.items()}
+    return StereoPair(
+        id=name,
+        left=files["left"],
+        right=files["right"],
+        disparity=files["disparity"],
+        coding=coding_for(files["disparity"], codings),
+        mask=files.get("mask"),
+        calibration=files.get("calibration"),
+    )
+
+
+def _hints(folder: Path) -> dict[str, str]:
+    path = folder / HINTS
+    if not path.is_file():
+        return {}
+    hints = read_toml(path)
+    for key, value in hints.items():
+        if key not in HINT_KEYS:
+            raise InputError(
+                f"{path}: found the unknown key {key!r}, expected {', '.join(HINT_KEYS)}"
+                f"{nearest(key, HINT_KEYS)}"
+            )
+        if not isinstance(value, str):
+            raise InputError(f"{path}: {key} is {value!r}, expected a string")
+    return hints
+
+
+def _roles(folder: Path, hints: Mapping[str, str]) -> dict[str, Path]:
+    """The files of a pair by role, as far as they are there."""
+    files = [path for path in sorted(folder.iterdir()) if path.is_file()]
+    roles = _recognised(folder, files)
+    for role in ("left", "right", "disparity", "mask"):
+        if role in hints and (folder / hints[role]).is_file():
+            roles[role] = folder / hints[role]
+    return roles
+
+
+def _recognised(folder: Path, files: list[Path]) -> dict[str, Path]:
+    rows = [row for row in _conventions(files) if _pick(folder, files, (row[0],), IMAGES)]
+    if len(rows) > 1:
+        names = ", ".join(row[0] for row in rows)
+        raise InputError(
+            f"{folder}: found several left images ({names}), expected one pair a folder; "
+            f"name left, right and disparity in a {HINTS}, or list the pairs in a CSV"
+        )
+    if not rows:
+        return {}
+    left, right, disparity = rows[0]
+    roles = {
+        "left": _pick(folder, files, (left,), IMAGES),
+        "right": _pick(folder, files, (right,), IMAGES),
+        "disparity": _pick(folder, files, disparity, DISPARITIES),
+        "mask": _pick(folder, files, MASKS, (".png",)),
+        "calibration": _pick(folder, files, ("calib",), (".txt",)),
+    }
+    return {role: path for role, path in roles.items() if path is not None}
+
+
+def _conventions(files: Iterable[Path]) -> list[tuple[str, str, tuple[str, ...]]]:
+    """The table of names, and those that end in ``_left``."""
+    stems = sorted({f.stem.removesuffix("_left") for f in files if f.stem.endswith("_left")} - {"disp"})
+    named = [(f"{s}_left", f"{s}_right", (f"{s}_disp", f"{s}_disparity")) for s in stems]
+    return [*CONVENTIONS, *named]
+
+
+def _pick(folder: Path, files: list[Path], stems: Iterable[str], suffixes: tuple[str, ...]) -> Path | None:
+    for stem in stems:
+        match = [f for f in files if f.stem == stem and f.suffix.lower() in suffixes]
+        if len(match) > 1:
+            names = " and ".join(f.name for f in match)
+            raise InputError(f"{folder}: found {names}, expected one of them; name it in a {HINTS}")
+        if match:
+            return match[0]
+    return None

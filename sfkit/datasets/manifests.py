@@ -1,0 +1,218 @@
+"""Manifests: what a public data set looks like on disk, and its terms; one TOML file each."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from sfkit.datasets.formats import Coding
+from sfkit.datasets.measure import Metric, rule
+from sfkit.datasets.pairs import MaskCoding
+from sfkit.datasets.pfm import read_bytes
+from sfkit.errors import InputError, nearest, unknown_name
+
+ID, RESOLUTION = "{id}", "{resolution}"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the files of a pair lie under the root; ``{id}`` and ``{resolution}`` stand for names.
+
+    Attributes:
+        left: pattern of the left image; its ``{id}`` is what finds the pairs.
+        right: pattern of the right image.
+        disparity: pattern of the ground truth.
+        coding: how the ground truth is coded, see :mod:`sfkit.datasets.formats`.
+        id: regular expression that an id must match.
+        mask: pattern of the occlusion mask; a pair may lack it.
+        mask_coding: how the mask says what is visible.
+        calibration: pattern of the calibration file; a pair may lack it.
+        note: what to tell the reader where this layout is used.
+    """
+
+    left: str
+    right: str
+    disparity: str
+    coding: str
+    id: str = r"[^/]+"
+    mask: str | None = None
+    mask_coding: MaskCoding = MaskCoding.EQUALS_255
+    calibration: str | None = None
+    note: str = ""
+
+    def patterns(self) -> dict[str, str]:
+        """The patterns by role, those that are set."""
+        roles = ("left", "right", "disparity", "mask", "calibration")
+        return {role: value for role in roles if (value := getattr(self, role)) is not None}
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """A public data set.
+
+    Attributes:
+        name: what :func:`sfkit.datasets.benchmark.open_benchmark` is called with.
+        title: its name in prose.
+        family: which of a protocol's rules applies.
+        home: where it is published.
+        get: one sentence on how to download and unpack it.
+        licence: its terms.
+        citation: what to cite.
+        metric: what the data set itself reports.
+        ids: the names of all its pairs.
+        layouts: the folder layouts in use, the preferred one first.
+        places: sub-folders of the root in which a layout may begin, the root itself first.
+        resolutions: the resolutions it comes in, the default first; empty where there is one only.
+    """
+
+    name: str
+    title: str
+    family: str
+    home: str
+    get: str
+    licence: str
+    citation: str
+    metric: str
+    ids: tuple[str, ...]
+    layouts: tuple[Layout, ...]
+    places: tuple[str, ...] = ("",)
+    resolutions: tuple[str, ...] = ()
+
+    def resolution(self, wanted: str | None, allowed: tuple[str, ...] = ()) -> str | None:
+        """The resolution to open: the one wanted, else the first that is ``allowed`` (all, where empty).
+
+        Raises:
+            InputError: the data set does not come in that resolution.
+        """
+        if wanted is not None and wanted not in self.resolutions:
+            if not self.resolutions:
+                raise InputError(
+                    f"{self.name}: found resolution={wanted!r}, it comes in one only; leave it out"
+                )
+            raise unknown_name(f"resolution of {self.name}", wanted, self.resolutions)
+        fitting = [r for r in self.resolutions if not allowed or r in allowed]
+        return wanted if wanted is not None or not fitting else fitting[0]
+
+
+def manifest_folder() -> Path:
+    """The folder of manifests: inside the package in a wheel, beside it in a checkout.
+
+    Raises:
+        InputError: neither is there.
+    """
+    package = Path(__file__).resolve().parents[1]
+    for folder in (package / "data_manifests", package.parent / "data_manifests"):
+        if folder.is_dir():
+            return folder
+    raise InputError(f"{package}: found no data_manifests folder in or beside it, install sfkit again")
+
+
+def manifest_names() -> tuple[str, ...]:
+    """The names of all manifests, sorted."""
+    return tuple(sorted(path.stem for path in manifest_folder().glob("*.toml")))
+
+
+def load_manifest(name: str) -> Manifest:
+    """The manifest called ``name``.
+
+    Raises:
+        InputError: no such manifest, or its file is not valid.
+    """
+    if name not in manifest_names():
+        raise unknown_name("data set", name, (*manifest_names(), "pairs"))
+    return read_manifest(manifest_folder() / f"{name}.toml")
+
+
+def read_manifest(path: Path) -> Manifest:
+    """Read and check a manifest file.
+
+    Raises:
+        InputError: not TOML, or a key is unknown, missing or has a value that makes no sense; it is named.
+    """
+    data = read_toml(path)
+    layouts = data.pop("layout", None)
+    if not isinstance(layouts, list) or not layouts:
+        raise InputError(f"{path}: found no [[layout]], expected at least one")
+    ids = _ids(path, data.pop("ids", None))
+    tuples = {key: tuple(data.pop(key)) for key in ("places", "resolutions") if key in data}
+    known: dict[str, Any] = {"ids": ids, "layouts": tuple(_layout(path, entry) for entry in layouts)}
+    manifest: Manifest = _record(path, Manifest, data, known | tuples)
+    if manifest.name != Path(path).stem:
+        raise InputError(f"{path}: found the name {manifest.name!r}, expected that of the file")
+    rule("all-valid", manifest.family)
+    Metric.parse(manifest.metric)
+    for place in manifest.places:
+        _relative(path, "places", place)
+    sized = any(RESOLUTION in p for layout in manifest.layouts for p in layout.patterns().values())
+    if sized != bool(manifest.resolutions):
+        raise InputError(f"{path}: expected both {RESOLUTION} in the layouts and 'resolutions', or neither")
+    return manifest
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file's content.
+
+    Raises:
+        InputError: the file cannot be read, or is not TOML.
+    """
+    try:
+        return tomllib.loads(read_bytes(path).decode("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: is not TOML ({error}), correct the file") from error
+
+
+def _layout(path: Path, entry: Any) -> Layout:
+    if not isinstance(entry, dict):
+        raise InputError(f"{path}: found the layout {entry!r}, expected a table [[layout]]")
+    known: dict[str, Any] = {}
+    if "mask_coding" in entry:
+        coding = entry.pop("mask_coding")
+        if coding not in list(MaskCoding):
+            raise unknown_name(f"mask_coding in {path}", str(coding), [m.value for m in MaskCoding])
+        known["mask_coding"] = MaskCoding(coding)
+    layout: Layout = _record(path, Layout, entry, known)
+    Coding.parse(layout.coding)
+    for role, pattern in layout.patterns().items():
+        _relative(path, role, pattern)
+        if ID not in pattern:
+            raise InputError(f"{path}: {role} is {pattern!r}, expected a pattern with {ID}")
+    if sum(part.count(ID) for part in PurePosixPath(layout.left).parts) != 1:
+        raise InputError(f"{path}: left is {layout.left!r}, expected {ID} exactly once")
+    try:
+        re.compile(layout.id)
+    except re.error as error:
+        raise InputError(f"{path}: id is {layout.id!r}, no regular expression ({error})") from error
+    return layout
+
+
+def _record(path: Path, cls: type[Any], data: Mapping[str, Any], known: Mapping[str, Any]) -> Any:
+    """Build a record from string entries, refusing unknown and missing keys by name."""
+    allowed = {f.name for f in fields(cls)}
+    for key, value in data.items():
+        if key not in allowed:
+            raise InputError(f"{path}: found the unknown key {key!r}{nearest(key, allowed)}")
+        if not isinstance(value, str):
+            raise InputError(f"{path}: {key} is {value!r}, expected a string")
+    try:
+        return cls(**data, **known)
+    except TypeError as error:
+        raise InputError(f"{path}: {str(error).partition('__() ')[2]}, add the key") from error
+
+
+def _ids(path: Path, given: Any) -> tuple[str, ...]:
+    """The ids as listed, or counted: ``{format = "{:06d}_10", count = 194}``."""
+    if isinstance(given, dict) and set(given) == {"format", "count"}:
+        given = [given["format"].format(number) for number in range(given["count"])]
+    if not isinstance(given, list) or not given or len(set(map(str, given))) != len(given):
+        raise InputError(f"{path}: ids is {given!r}, expected a list of names or a format and a count")
+    return tuple(map(str, given))
+
+
+def _relative(path: Path, key: str, pattern: str) -> None:
+    pure = PurePosixPath(pattern)
+    if pure.is_absolute() or ".." in pure.parts or "\\" in pattern:
+        raise InputError(f"{path}: {key} is {pattern!r}, expected a path under the root of the data set")

@@ -1,0 +1,93 @@
+"""Pairs listed in a CSV file.
+
+Columns left, right and disparity are paths; id, coding, mask and calibration may be added.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+
+from sfkit.datasets.finding import NEEDED, Found
+from sfkit.datasets.folders import coding_for
+from sfkit.datasets.pairs import StereoPair
+from sfkit.datasets.pfm import read_bytes
+from sfkit.datasets.roots import inside
+from sfkit.errors import InputError, nearest
+
+COLUMNS = (*NEEDED, "calibration", "coding", "id", "mask")
+FILES = (*NEEDED, "calibration", "mask")
+
+
+def find_in_table(table: Path, root: Path, coding: str | None = None) -> Found:
+    """The pairs of a CSV file; its paths are relative to ``root`` and stay under it.
+
+    A pair without an id is named by its left image without the suffix. Files that a row names and that
+    are not there are listed as missing.
+
+    Raises:
+        InputError: not a CSV, a column or value is missing or unknown, an id twice, a path leads outside.
+    """
+    pairs: list[StereoPair] = []
+    missing: dict[str, tuple[str, ...]] = {}
+    for line, row in enumerate(_rows(table), start=2):
+        where = f"{table}, line {line}"
+        name = row.get("id") or PurePath(row["left"]).with_suffix("").as_posix()
+        if name in missing or any(pair.id == name for pair in pairs):
+            raise InputError(f"{where}: found the id {name!r} twice, expected each once; add a column 'id'")
+        files = {role: inside(root, row[role]) for role in FILES if row.get(role)}
+        lacking = tuple(row[role] for role, path in files.items() if not path.is_file())
+        if lacking:
+            missing[name] = lacking
+        else:
+            pairs.append(_pair(name, files, row.get("coding") or coding))
+    return Found(tuple(sorted(pairs, key=lambda pair: pair.id)), missing)
+
+
+def _pair(name: str, files: Mapping[str, Path], coding: str | None) -> StereoPair:
+    return StereoPair(
+        id=name,
+        left=files["left"],
+        right=files["right"],
+        disparity=files["disparity"],
+        coding=coding_for(files["disparity"], [coding]),
+        mask=files.get("mask"),
+        calibration=files.get("calibration"),
+    )
+
+
+def _rows(table: Path) -> list[dict[str, str]]:
+    try:
+        reader = csv.DictReader(read_bytes(table).decode("utf-8-sig").splitlines(), strict=True)
+        header = [column.strip() for column in reader.fieldnames or ()]
+        reader.fieldnames = header
+        rows = list(reader)
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"{table}: is no CSV file in UTF-8 ({error}), save it again as one") from error
+    _check_header(table, header)
+    if not rows:
+        raise InputError(f"{table}: found no row below the header, expected at least one pair")
+    return [_check_row(f"{table}, line {line}", row) for line, row in enumerate(rows, start=2)]
+
+
+def _check_header(table: Path, header: list[str]) -> None:
+    for column in header:
+        if column not in COLUMNS:
+            raise InputError(
+                f"{table}: found the column {column!r}, expected some of {', '.join(COLUMNS)}"
+                f"{nearest(column, COLUMNS)}"
+            )
+    for column in NEEDED:
+        if header.count(column) != 1:
+            raise InputError(f"{table}: found the columns {header}, expected {column!r} once")
+
+
+def _check_row(where: str, row: Mapping[str | None, str | None]) -> dict[str, str]:
+    if None in row or None in row.values():
+        raise InputError(f"{where}: found another number of values than columns, correct the row")
+    clean = {str(key): str(value).strip() for key, value in row.items()}
+    for column in NEEDED:
+        if not clean[column]:
+            raise InputError(f"{where}: found no value for {column!r}, expected a path")
+    return clean
