@@ -2,9 +2,11 @@
 
 from sfkit.architectures.anynet import AnyNet
 from sfkit.architectures.inputs import InputConvention, PadSides, PreparedPair, Window
+from sfkit.architectures.nmrf import NMRF
 from sfkit.architectures.registry import Architecture, architecture, architectures, register_architecture
 
 __all__ = [
+    "NMRF",
     "AnyNet",
     "Architecture",
     "InputConvention",
