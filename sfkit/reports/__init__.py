@@ -1,0 +1,6 @@
+"""Reports: a parameterised notebook, run without a screen, becomes one HTML file that needs no network."""
+
+from sfkit.reports.parameters import notebook_parameters, read_parameters
+from sfkit.reports.run import ReportError, report
+
+__all__ = ["ReportError", "notebook_parameters", "read_parameters", "report"]

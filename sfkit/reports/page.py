@@ -1,0 +1,179 @@
+"""One HTML page from an executed notebook: no request leaves it, and it reads in light and in dark."""
+
+from __future__ import annotations
+
+import copy
+import html
+import json
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from importlib import metadata, resources
+from typing import Any
+
+from nbconvert import HTMLExporter
+from nbformat import NotebookNode
+from papermill.execute import ERROR_MARKER_TAG
+from plotly.offline import get_plotlyjs
+from pygments.formatters import HtmlFormatter
+
+PLOTLY_MIME = "application/vnd.plotly.v1+json"
+WIDGET_MIME = "application/vnd.jupyter.widget-view+json"
+
+# Whatever a notebook puts in, the page asks no one for anything. plotly draws some traces with code it
+# compiles on the spot, hence unsafe-eval.
+CONTENT_POLICY = (
+    "default-src 'none'; img-src data: blob:; font-src data:; media-src data:; frame-src data:; "
+    "style-src 'unsafe-inline'; script-src 'unsafe-inline' 'unsafe-eval' data: blob:; worker-src blob:"
+)
+
+PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="color-scheme" content="light dark">
+<meta http-equiv="Content-Security-Policy" content="{policy}">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+<style>{style}</style>
+{plotly}
+</head>
+<body>
+<header>
+{summary}
+<label><input type="checkbox" id="show-code"> Show code</label>
+</header>
+<main>
+{body}
+</main>
+<script>{script}</script>
+</body>
+</html>
+"""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run ended early.
+
+    Attributes:
+        cell: position among all cells of the executed notebook; None where no cell had started.
+        error: kind and message.
+    """
+
+    cell: int | None
+    error: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """What the page says above the notebook.
+
+    Attributes:
+        notebook: file name.
+        started: when, with time zone.
+        seconds: how long it took.
+        parameters: the values that were given.
+        failure: None where all cells ran.
+    """
+
+    notebook: str
+    started: datetime
+    seconds: float
+    parameters: Mapping[str, Any]
+    failure: Failure | None
+
+
+def render_page(notebook: NotebookNode, run: Run) -> str:
+    """The whole page as text.
+
+    Code is hidden until the reader asks for it, but for the cell that failed. Figures stay plotly figures,
+    drawn by one copy of plotly.js inside the page (about 5 MB, left out where there is no figure).
+    """
+    shown = copy.deepcopy(notebook)
+    shown.cells = [cell for cell in shown.cells if ERROR_MARKER_TAG not in cell.metadata.get("tags", [])]
+    failed = shown.cells[run.failure.cell] if run.failure and run.failure.cell is not None else None
+    if failed is not None:
+        failed.metadata["tags"] = [*failed.metadata.get("tags", []), "failed"]
+    outputs = [output for cell in shown.cells for output in cell.get("outputs", [])]
+    figures = [_as_markup(output.data) for output in outputs if "data" in output]
+    body, _ = _exporter().from_notebook_node(shown)
+    files = resources.files("sfkit.reports")
+    return PAGE.format(
+        policy=CONTENT_POLICY,
+        title=html.escape(_title(shown, run)),
+        style=_code_style() + files.joinpath("page.css").read_text(encoding="utf-8"),
+        plotly=f"<script>{get_plotlyjs()}</script>" if any(figures) else "",
+        summary=_summary(run, failed),
+        body=body,
+        script=files.joinpath("page.js").read_text(encoding="utf-8"),
+    )
+
+
+def _exporter() -> HTMLExporter:
+    """The notebook's cells alone, without the page around them that loads half the web."""
+    exporter = HTMLExporter(template_name="basic", embed_images=True)
+    exporter.log.setLevel(logging.ERROR)  # missing descriptions of images are the notebook's business
+    return exporter
+
+
+def _as_markup(data: NotebookNode) -> bool:
+    """Replace what only a running Jupyter can show; True where the output is a figure."""
+    if PLOTLY_MIME in data:
+        figure = {
+            key: data[PLOTLY_MIME][key] for key in ("data", "layout", "frames") if key in data[PLOTLY_MIME]
+        }
+        # Inside a script element only "<" could end it.
+        text = json.dumps(figure).replace("<", "\\u003c")
+        data.clear()
+        data["text/html"] = (
+            f'<div class="figure"><script type="application/json">{text}</script>'
+            '<div class="plot"></div></div>'
+        )
+        return True
+    if len(data) > 1:
+        data.pop(WIDGET_MIME, None)
+    return False
+
+
+def _title(notebook: NotebookNode, run: Run) -> str:
+    """The notebook's first heading, else its file name."""
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            for line in cell.source.splitlines():
+                if line.startswith("# "):
+                    return str(line[2:].strip())
+    return run.notebook
+
+
+def _summary(run: Run, failed: NotebookNode | None) -> str:
+    when = run.started.strftime("%Y-%m-%d %H:%M %Z")
+    done = "failed after" if run.failure else "finished in"
+    lines = [
+        f"<p>{html.escape(run.notebook)}, {html.escape(when)}: {done} {run.seconds:.0f} s, "
+        f"with sfkit {html.escape(metadata.version('sfkit'))}.</p>"
+    ]
+    if run.failure:
+        where = (
+            f' <a href="#cell-id={html.escape(failed.id)}">Go to the cell.</a>' if failed is not None else ""
+        )
+        lines.append(
+            f'<p role="alert" class="failure"><strong>This run failed.</strong> '
+            f"{html.escape(run.failure.error)}.{where} Cells below it did not run.</p>"
+        )
+    if run.parameters:
+        rows = "".join(
+            f"<tr><th scope='row'>{html.escape(name)}</th><td>{html.escape(repr(value))}</td></tr>"
+            for name, value in run.parameters.items()
+        )
+        lines.append(f"<table><caption>Parameters given</caption><tbody>{rows}</tbody></table>")
+    return "\n".join(lines)
+
+
+def _code_style() -> str:
+    """Colours of code, for both schemes."""
+    light = HtmlFormatter(style="default").get_style_defs(".highlight")
+    dark = HtmlFormatter(style="github-dark").get_style_defs(".highlight")
+    return f"{light}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}\n"
