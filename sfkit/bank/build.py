@@ -1,0 +1,124 @@
+"""Make the bank from its seeds: train the base, fine-tune the sources, write what ships."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from safetensors.torch import load_file, save_file
+
+from sfkit.bank.measure import constant_guess, errors, held_out_pairs
+from sfkit.bank.plan import ARCHITECTURE, BASE_PLAN, OPTIONS, SOURCE_PLAN, Plan
+from sfkit.bank.training import Progress, new_network, train
+from sfkit.datasets.synthetic.domains import BASE, SOURCES, Domain
+from sfkit.errors import unknown_name
+
+LICENCE = "Apache-2.0"
+Record = dict[str, Any]
+
+
+def build(
+    out: Path,
+    *,
+    progress: Progress | None = None,
+    only: Iterable[str] | None = None,
+    base_plan: Plan = BASE_PLAN,
+    source_plan: Plan = SOURCE_PLAN,
+) -> Path:
+    """Train the bank into the folder ``out`` and return the path of its ``pool.toml``.
+
+    A finished training is not repeated and a stopped one goes on from its last saved step, so calling
+    this again resumes. ``only`` names the sources to train in this process (after the base), so that
+    several processes can share the work; ``pool.toml`` is written as soon as every network is there.
+
+    Raises:
+        InputError: ``only`` names a source that the bank does not have.
+    """
+    chosen = _chosen(only)
+    out.mkdir(parents=True, exist_ok=True)
+    if not _finished(out, BASE.name):
+        _train_base(out, base_plan, progress)
+    for domain in chosen:
+        if not _finished(out, domain.name):
+            _train_source(out, domain, source_plan, progress)
+    if all(_finished(out, domain.name) for domain in SOURCES):
+        _assemble(out)
+    return out / "pool.toml"
+
+
+def _chosen(only: Iterable[str] | None) -> list[Domain]:
+    by_name = {domain.name: domain for domain in SOURCES}
+    names = list(by_name) if only is None else list(only)
+    for name in names:
+        if name not in by_name:
+            raise unknown_name("source of the bank", name, by_name)
+    return [by_name[name] for name in names]
+
+
+def _train_base(out: Path, plan: Plan, progress: Progress | None) -> None:
+    trained = train(BASE, plan, None, _state_file(out, BASE.name), progress)
+    save_file(dict(trained.weights), out / "base.safetensors")
+    network = new_network(plan.seed)
+    network.load_state_dict(dict(trained.weights))
+    pairs = held_out_pairs(BASE)
+    own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs)}
+    _record(out, BASE.name, plan, trained.seconds, trained.cpu_seconds, trained.final_loss, own)
+
+
+def _train_source(out: Path, domain: Domain, plan: Plan, progress: Progress | None) -> None:
+    base = load_file(out / "base.safetensors")
+    trained = train(domain, plan, base, _state_file(out, domain.name), progress)
+    save_file(dict(trained.weights), out / f"{domain.name}.safetensors")
+    pairs = held_out_pairs(domain)
+    network = new_network(plan.seed)
+    network.load_state_dict(base)
+    own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs)}
+    network.load_state_dict(dict(trained.weights))
+    own["source"] = errors(network, pairs)
+    _record(out, domain.name, plan, trained.seconds, trained.cpu_seconds, trained.final_loss, own)
+
+
+def _record(
+    out: Path, name: str, plan: Plan, seconds: float, cpu_seconds: float, final_loss: float, own: Record
+) -> None:
+    record = {
+        "plan": asdict(plan),
+        "seconds": round(seconds, 1),
+        "cpu_seconds": round(cpu_seconds, 1),
+        "final_loss": final_loss,
+        "own_domain": own,
+    }
+    _record_file(out, name).write_text(json.dumps(record, indent=2) + "\n")
+
+
+def _finished(out: Path, name: str) -> bool:
+    return _record_file(out, name).exists()
+
+
+def _record_file(out: Path, name: str) -> Path:
+    return out / "training" / f"{name}.json"
+
+
+def _state_file(out: Path, name: str) -> Path:
+    return out / "training" / f"{name}.pt"
+
+
+def _assemble(out: Path) -> None:
+    records = {d.name: json.loads(_record_file(out, d.name).read_text()) for d in (BASE, *SOURCES)}
+    (out / "trainings.json").write_text(json.dumps(records, indent=2) + "\n")
+    (out / "pool.toml").write_text(_pool_toml())
+
+
+def _pool_toml() -> str:
+    options = "\n".join(f"{key} = {json.dumps(value)}" for key, value in OPTIONS.items())
+    entries = "\n".join(
+        f'\n[sources.{domain.name}]\nfile = "{domain.name}.safetensors"\nlicence = "{LICENCE}"'
+        for domain in SOURCES
+    )
+    return (
+        f'name = "sfkit-bank"\narchitecture = "{ARCHITECTURE}"\n\n[options]\n{options}\n\n'
+        f'[base]\nfile = "base.safetensors"\nlicence = "{LICENCE}"\n{entries}\n'
+    )
