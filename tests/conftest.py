@@ -1,16 +1,40 @@
-"""Fixtures every room shares, and the rule that in CI nothing is skipped unless it stands on a written list."""
+"""Fixtures every room shares, and the rule that in CI no test skips unless it stands on a written list."""
 
 from __future__ import annotations
 
 import os
+import shutil
+from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import hypothesis
 import pytest
 
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
 REQUIRE_ALL = os.environ.get("SFKIT_REQUIRE_ALL") == "1"
+DATA_FOLDERS = ("SFKIT_REAL_DATA", "SFKIT_GOLDENS")
 
 # The only tests that may skip when SFKIT_REQUIRE_ALL=1, by node-id prefix, each with its reason.
 ALLOWED_SKIPS: dict[str, str] = {}
+
+CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+CHROMIUM_FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+
+# No deadlines: nothing in these tests may depend on how busy the machine is.
+hypothesis.settings.register_profile("sfkit", deadline=None, derandomize=REQUIRE_ALL)
+hypothesis.settings.load_profile("sfkit")
 
 
 def _data_folder(variable: str) -> Path:
@@ -35,8 +59,37 @@ def goldens() -> Path:
     return _data_folder("SFKIT_GOLDENS")
 
 
+@pytest.fixture(scope="session")
+def chromium() -> Path:
+    """The distribution's Chromium, which Playwright and kaleido can drive."""
+    found = next(filter(None, map(shutil.which, CHROMIUM_NAMES)), None)
+    if found is None:
+        pytest.skip("no Chromium found: install the distribution's, for instance apt-get install chromium")
+    return Path(found)
+
+
+@pytest.fixture(scope="session")
+def browser(chromium: Path) -> Iterator[Browser]:
+    """A headless Chromium driven by Playwright; mark the tests that use it ``browser``."""
+    sync_api = pytest.importorskip(
+        "playwright.sync_api", reason="install the extra: pip install sfkit[browser]"
+    )
+    with sync_api.sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=chromium, args=list(CHROMIUM_FLAGS))
+        yield running
+        running.close()
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
+    """Offer --slow."""
     parser.addoption("--slow", action="store_true", help="also run the tests marked slow")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """With SFKIT_REQUIRE_ALL=1 a missing data folder ends the run before the first test."""
+    missing = [name for name in DATA_FOLDERS if not Path(os.environ.get(name) or "missing").is_dir()]
+    if REQUIRE_ALL and missing:
+        raise pytest.UsageError(f"SFKIT_REQUIRE_ALL=1, but {' and '.join(missing)} do not name a folder")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -48,16 +101,27 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if not item.get_closest_marker("slow")]
 
 
-def _may_skip(nodeid: str) -> bool:
-    return any(nodeid.startswith(prefix) for prefix in ALLOWED_SKIPS)
+def _forbid_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
+    if not REQUIRE_ALL or not report.skipped or hasattr(report, "wasxfail"):
+        return
+    if any(report.nodeid.startswith(prefix) for prefix in ALLOWED_SKIPS):
+        return
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    report.outcome = "failed"
+    report.longrepr = f"{report.nodeid} skipped although SFKIT_REQUIRE_ALL=1: {reason}"
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):  # type: ignore[no-untyped-def]
-    """With SFKIT_REQUIRE_ALL=1 a skip that is not on the list is a failure."""
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """With SFKIT_REQUIRE_ALL=1 a test that skips, and is not on the list, fails."""
     report = yield
-    if REQUIRE_ALL and report.skipped and not hasattr(report, "wasxfail") and not _may_skip(item.nodeid):
-        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
-        report.outcome = "failed"
-        report.longrepr = f"{item.nodeid} skipped although SFKIT_REQUIRE_ALL=1: {reason}"
+    _forbid_skip(report)
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """The same for a whole module that skips itself, as ``pytest.importorskip`` at its top does."""
+    report = yield
+    _forbid_skip(report)
     return report
