@@ -1,0 +1,45 @@
+"""Searches: which sources to merge (Stage 1) and how to mix them (Stage 2).
+
+A search proposes recipes and hears outcomes; it never touches a tensor or an image::
+
+    subset = SubsetSearch(pool.sources, pool.blocks, scorer).run().subset
+    best = RoutingSearch(subset, pool.blocks, scorer).run()
+"""
+
+from sfkit.search.base import Search, SearchState
+from sfkit.search.breeding import SubsetSettings
+from sfkit.search.cma_es import Distribution
+from sfkit.search.constraints import Constraints, subset_of, transfer
+from sfkit.search.encoding import Encoding, mean_entropy
+from sfkit.search.journal import Journal, last_run, read_journal
+from sfkit.search.operators import SubsetSpace
+from sfkit.search.records import Candidate, Counts, Generation
+from sfkit.search.routing import RoutingCandidate, RoutingSearch, RoutingState
+from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.subset import SubsetCandidate, SubsetSearch, SubsetState
+
+__all__ = [
+    "Candidate",
+    "Constraints",
+    "Counts",
+    "Distribution",
+    "Encoding",
+    "Generation",
+    "Journal",
+    "RoutingCandidate",
+    "RoutingSearch",
+    "RoutingSettings",
+    "RoutingState",
+    "Search",
+    "SearchState",
+    "SubsetCandidate",
+    "SubsetSearch",
+    "SubsetSettings",
+    "SubsetSpace",
+    "SubsetState",
+    "last_run",
+    "mean_entropy",
+    "read_journal",
+    "subset_of",
+    "transfer",
+]

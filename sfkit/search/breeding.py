@@ -1,0 +1,127 @@
+"""One generation of Stage 1 (StereoFactory, Algorithm 1): pure functions, the generator an argument."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sfkit.search.checks import require_between, require_whole
+from sfkit.search.operators import Chromosome, SubsetSpace, crossover, mutate, random_chromosome, tournament
+
+Rank = tuple[float, int]
+"""(fitness, number) of a candidate: smaller is better, so that ties go to the earlier one."""
+
+
+@dataclass(frozen=True)
+class SubsetSettings:
+    """Settings of Stage 1; the defaults are the paper's.
+
+    Settled where the paper is silent: offspring that do not cross over copy their parents, and may still
+    mutate; tournaments draw with replacement, so that one candidate can survive more than once; ties go
+    to the earlier candidate; an odd ``population`` breeds one offspring more than its size, since
+    offspring come in pairs (Algorithm 1, lines 6 to 10).
+
+    Attributes:
+        population: M, chromosomes in a population, at least 2.
+        generations: T_1, generations after the initial population; 0 scores the initial one alone.
+        crossover: p_c, the probability that a pair of parents crosses over, in [0, 1].
+        mutation: p_m, the probability that an offspring mutates, in [0, 1].
+        redraw: what a mutation does that cannot act, such as replace or insert in a full chromosome and
+            delete from one of two: True (our choice) draws again among those that can, so that p_m is
+            the rate of mutations; False leaves the offspring as it is.
+        seed: at least 0; the same seed and the same scores give the same search.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    population: int = 50
+    generations: int = 15
+    crossover: float = 0.8
+    mutation: float = 0.3
+    redraw: bool = True
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        require_whole("population", self.population, 2)
+        require_whole("generations", self.generations, 0)
+        require_between("crossover", self.crossover, 0.0, 1.0)
+        require_between("mutation", self.mutation, 0.0, 1.0)
+        require_whole("seed", self.seed, 0)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A chromosome that waits for its score; parents and operators as in ``SubsetCandidate``."""
+
+    chromosome: Chromosome
+    parents: tuple[int, ...]
+    operators: tuple[str, ...]
+
+
+def initial(
+    settings: SubsetSettings, space: SubsetSpace, starts: Sequence[Chromosome], rng: np.random.Generator
+) -> tuple[Draft, ...]:
+    """The initial population: the starts, then random chromosomes up to M (Algorithm 1, line 1)."""
+    given = [Draft(chromosome, (), ("start",)) for chromosome in starts]
+    missing = int(settings.population) - len(given)
+    return (*given, *(Draft(random_chromosome(space, rng), (), ("random",)) for _ in range(missing)))
+
+
+def bred(
+    parents: Sequence[tuple[Chromosome, Rank]],
+    settings: SubsetSettings,
+    space: SubsetSpace,
+    rng: np.random.Generator,
+) -> tuple[Draft, ...]:
+    """The offspring Q_t of a population (Algorithm 1, lines 5 to 11).
+
+    Args:
+        parents: chromosome and rank of each member of P_{t-1}.
+        settings: M, p_c, p_m and ``redraw``.
+        space: what chromosomes may hold.
+        rng: where every draw comes from.
+    """
+    ranks = [rank for _, rank in parents]
+    offspring: list[Draft] = []
+    while len(offspring) < settings.population:
+        first = parents[tournament(ranks, rng)]
+        second = parents[tournament(ranks, rng)]
+        for draft in _pair(first, second, settings, space, rng):
+            offspring.append(_mutated(draft, settings, space, rng))
+    return tuple(offspring)
+
+
+def survivors(pool: Sequence[Rank], size: int, rng: np.random.Generator) -> tuple[Rank, ...]:
+    """The next population out of P_{t-1} and Q_t (Algorithm 1, line 14).
+
+    Returns:
+        ``size`` ranks: the winners of ``size - 1`` tournaments, then the best of the pool.
+    """
+    winners = [pool[tournament(pool, rng)] for _ in range(size - 1)]
+    return (*winners, min(pool))
+
+
+def _pair(
+    first: tuple[Chromosome, Rank],
+    second: tuple[Chromosome, Rank],
+    settings: SubsetSettings,
+    space: SubsetSpace,
+    rng: np.random.Generator,
+) -> tuple[Draft, Draft]:
+    (one, (_, mother)), (other, (_, father)) = first, second
+    if rng.random() >= settings.crossover:
+        return Draft(one, (mother,), ("copy",)), Draft(other, (father,), ("copy",))
+    one, other = crossover(one, other, space, rng)
+    return Draft(one, (mother, father), ("crossover",)), Draft(other, (father, mother), ("crossover",))
+
+
+def _mutated(draft: Draft, settings: SubsetSettings, space: SubsetSpace, rng: np.random.Generator) -> Draft:
+    if rng.random() >= settings.mutation:
+        return draft
+    chromosome, mutation = mutate(draft.chromosome, space, rng, redraw=settings.redraw)
+    if mutation is None:
+        return draft
+    return Draft(chromosome, draft.parents, (*draft.operators, str(mutation)))

@@ -1,0 +1,84 @@
+"""Checks of arguments that every search makes before its first evaluation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from numbers import Integral, Real
+
+from sfkit.errors import InputError, nearest
+
+
+def require_whole(argument: str, value: object, least: int) -> None:
+    """Refuse anything but a whole number of at least ``least``.
+
+    Raises:
+        InputError: naming the argument, what was found and what was expected.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
+        raise InputError(f"{argument}: found {value!r}, expected a whole number of at least {least}")
+
+
+def require_between(argument: str, value: object, low: float, high: float = math.inf) -> None:
+    """Refuse anything but a finite number in [low, high].
+
+    Raises:
+        InputError: naming the argument, what was found and what was expected.
+    """
+    if isinstance(value, Real):
+        number = float(value)
+        if math.isfinite(number) and low <= number <= high:
+            return
+    wanted = f"of at least {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
+    raise InputError(f"{argument}: found {value!r}, expected a finite number {wanted}")
+
+
+def require_positive(argument: str, value: object) -> None:
+    """Refuse anything but a finite number above 0.
+
+    Raises:
+        InputError: naming the argument and what was found.
+    """
+    require_between(argument, value, 0.0)
+    if value == 0:
+        raise InputError(f"{argument}: found {value!r}, expected a finite number above 0")
+
+
+def distinct_names(argument: str, values: Iterable[str]) -> tuple[str, ...]:
+    """The names as a tuple, in the order given.
+
+    Raises:
+        InputError: one string was given for a list, an entry is no string, or a name comes twice.
+    """
+    if isinstance(values, str):
+        raise InputError(
+            f"{argument}: found the text {values!r}, expected a list of names: write [{values!r}]"
+        )
+    names = tuple(values)
+    for name in names:
+        if not isinstance(name, str):
+            raise InputError(f"{argument}: found the entry {name!r}, expected names")
+        if names.count(name) > 1:
+            raise InputError(f"{argument}: found {name!r} more than once, expected each name once")
+    return names
+
+
+def require_known(argument: str, names: Iterable[str], allowed: Iterable[str], kind: str) -> None:
+    """Refuse names outside ``allowed``; the nearest allowed name is suggested.
+
+    Args:
+        argument: what the caller passed the names as.
+        names: what the caller passed.
+        allowed: every name there is.
+        kind: what the names stand for, "source" or "block".
+
+    Raises:
+        InputError: naming the argument, the first unknown name and the allowed ones.
+    """
+    known = tuple(allowed)
+    for name in names:
+        if name not in known:
+            listed = ", ".join(sorted(known))
+            raise InputError(
+                f"{argument}: unknown {kind} {name!r}, expected one of: {listed}{nearest(name, known)}"
+            )

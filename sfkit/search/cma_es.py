@@ -1,0 +1,127 @@
+"""CMA-ES (Hansen 2016, "The CMA Evolution Strategy: A Tutorial"), by pycma, as a function of a seed.
+
+pycma seeds and draws from numpy's global state unless it is given ``randn`` and a ``seed`` of nan; here
+iteration t draws from ``numpy.random.default_rng([seed, 2, t])`` and nothing global is touched.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sfkit.search.encoding import Vector
+
+with warnings.catch_warnings():
+    # pycma warns on import where matplotlib, which it plots with, is not installed.
+    warnings.filterwarnings("ignore", message="Could not import matplotlib", category=UserWarning)
+    import cma
+
+SMALLEST_POPULATION = 3
+"""pycma refuses smaller ones."""
+
+_STREAM = 2
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """The normal distribution N(mean, sigma^2 C) that a population is drawn from.
+
+    Attributes:
+        mean: n numbers.
+        sigma: step size.
+        axes: sigma times the square roots of the eigenvalues of C, ascending: the standard deviations
+            along the principal axes.
+    """
+
+    mean: tuple[float, ...]
+    sigma: float
+    axes: tuple[float, ...]
+
+
+def default_population(dimension: int) -> int:
+    """4 + floor(3 ln n), pycma's and the tutorial's default."""
+    return 4 + math.floor(3 * math.log(dimension))
+
+
+class CmaEs:
+    """Ask and tell; the same seed and the same fitness values give the same populations.
+
+    Mirrored sampling, pycma's default for populations below 6, is off, so that every vector is an
+    independent draw, as Algorithm 2 has it. Nothing is printed or written to files.
+    """
+
+    def __init__(
+        self, mean: Vector, sigma: float, population: int, seed: int, *, tolfun: float, tolx: float
+    ) -> None:
+        """Begin at ``mean`` with C = I.
+
+        Args:
+            mean: n numbers, n >= 2.
+            sigma: initial step size, above 0.
+            population: vectors an iteration, at least 3.
+            seed: at least 0.
+            tolfun: stop condition, range of recent fitness values.
+            tolx: stop condition, standard deviations of x.
+        """
+        self._seed = seed
+        self._iteration = 0
+        self._rng = self._fresh_generator()
+        self._asked: list[Vector] = []
+        options = {
+            "popsize": population,
+            "randn": lambda rows, columns: self._rng.standard_normal((rows, columns)),
+            "seed": math.nan,
+            "CMA_mirrors": 0,
+            "tolfun": tolfun,
+            "tolx": tolx,
+            "verbose": -10,
+            "verb_disp": 0,
+            "verb_log": 0,
+        }
+        self._es = cma.CMAEvolutionStrategy(mean, sigma, options)
+        self.distribution = self._read()
+        self.stops: tuple[str, ...] = ()
+
+    def ask(self) -> tuple[Vector, ...]:
+        """The next population; ``distribution`` is then what it was drawn from."""
+        self._iteration += 1
+        self._rng = self._fresh_generator()
+        self._asked = [np.asarray(x, dtype=np.float64) for x in self._es.ask()]
+        self.distribution = self._read()
+        return tuple(x.copy() for x in self._asked)
+
+    def tell(self, fitness: Sequence[float]) -> None:
+        """Learn from the population last asked for.
+
+        ``stops`` then names the stop conditions of pycma that hold.
+
+        Args:
+            fitness: one finite value a vector, in order; lower is better.
+        """
+        self._es.tell(self._asked, list(fitness))
+        self.stops = tuple(sorted(self._es.stop()))
+
+    def _fresh_generator(self) -> np.random.Generator:
+        return np.random.default_rng([self._seed, _STREAM, self._iteration])
+
+    def _read(self) -> Distribution:
+        sigma = float(self._es.sigma)
+        axes = sorted(sigma * float(root) for root in self._es.sm.D)
+        return Distribution(tuple(float(m) for m in self._es.mean), sigma, tuple(axes))
+
+
+def finite_fitness(fitness: Sequence[float], worst: float) -> list[float]:
+    """Fitness values CMA-ES can rank: a candidate without a finite one loses against every other.
+
+    pycma accepts NaN and infinities without a word and computes on with them. Here such a candidate gets
+    ``worst + 1``, the next ``worst + 2``, so that ties go to the earlier one.
+
+    Args:
+        fitness: one value a candidate; ``inf`` where it failed.
+        worst: the worst finite fitness of the search so far, these candidates included.
+    """
+    return [value if math.isfinite(value) else worst + 1.0 + i for i, value in enumerate(fitness)]

@@ -1,0 +1,203 @@
+"""The vector CMA-ES moves, and the recipe it stands for (StereoFactory, eqs. 9, 10, 11 and 13)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.errors import InputError
+from sfkit.merging.recipe import Recipe, routed
+from sfkit.search.checks import require_between, require_known
+
+Vector = NDArray[np.float64]
+
+_SUM_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Encoding:
+    """x = [vec(W), s]: routing logits, row by row, then one scale variable a scaled block (eq. 9).
+
+    Tied routing has one row of E logits for all blocks, block-specific routing one for each block that is
+    not frozen. With B blocks, none frozen, x has E + B or B * E + B entries.
+
+    Attributes:
+        sources: E names, at least two.
+        blocks: B names, in the partition's order.
+        gamma: bounds of the module scales, around 1, so that x = 0 is the equal-weight merge.
+        tied: True where all blocks share one row of weights.
+        scaled: False fixes every module scale at 1.
+        frozen: blocks with a scale of 1 and, unless tied, equal weights.
+
+    Raises:
+        InputError: fewer than two sources, bounds not around 1, an unknown block, or nothing left to move.
+    """
+
+    sources: tuple[str, ...]
+    blocks: tuple[str, ...]
+    gamma: tuple[float, float] = (0.25, 1.75)
+    tied: bool = True
+    scaled: bool = True
+    frozen: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if len(self.sources) < 2:
+            raise InputError(
+                f"sources: found {list(self.sources)}, expected at least two: one source leaves no routing"
+            )
+        require_known("frozen_blocks", self.frozen, self.blocks, "block")
+        check_gamma(self.gamma)
+        if self.dimension == 0:
+            raise InputError("frozen_blocks: found every block, expected at least one that is free to move")
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Blocks that are not frozen."""
+        return tuple(block for block in self.blocks if block not in self.frozen)
+
+    @property
+    def rows(self) -> int:
+        """Rows of logits in x."""
+        return 1 if self.tied else len(self.free)
+
+    @property
+    def dimension(self) -> int:
+        """Entries of x."""
+        return self.rows * len(self.sources) + (len(self.free) if self.scaled else 0)
+
+    def decode(self, x: Vector) -> Recipe:
+        """The recipe x stands for; zeros give exactly ``Recipe.equal``.
+
+        Args:
+            x: ``dimension`` finite numbers.
+        """
+        cut = self.rows * len(self.sources)
+        weights = [softmax(row) for row in x[:cut].reshape(self.rows, -1)]
+        scales = [scale_of(s, self.gamma) for s in x[cut:]]
+        equal = (1.0 / len(self.sources),) * len(self.sources)
+        row_of = dict.fromkeys(self.blocks, weights[0] if self.tied else equal)
+        if not self.tied:
+            row_of |= dict(zip(self.free, weights, strict=True))
+        scale_of_block = dict.fromkeys(self.blocks, 1.0)
+        if self.scaled:
+            scale_of_block |= dict(zip(self.free, scales, strict=True))
+        return routed(
+            self.sources,
+            self.blocks,
+            [row_of[block] for block in self.blocks],
+            [scale_of_block[block] for block in self.blocks],
+        )
+
+    def encode(self, recipe: Recipe, floor: float = 0.01) -> Vector:
+        """A vector that decodes to the recipe, up to rounding, or near it where it lies on the boundary.
+
+        A weight of 0 and a scale on its bound lie at infinity; ``floor`` brings them to where a search can
+        still leave them: weights below it count as it, and scales keep that fraction of the range from
+        either bound.
+
+        Args:
+            recipe: one that :meth:`admit` returned.
+            floor: in (0, 0.5).
+
+        Returns:
+            ``dimension`` numbers; each row of logits has a mean of 0.
+        """
+        rows = (
+            recipe.weights[:1] if self.tied else [recipe.weights[recipe.blocks.index(b)] for b in self.free]
+        )
+        logits = np.log(np.maximum(np.asarray(rows, dtype=np.float64), floor))
+        logits -= logits.mean(axis=1, keepdims=True)
+        if not self.scaled:
+            return logits.ravel()
+        half = (self.gamma[1] - self.gamma[0]) / 2.0
+        scales = np.array([recipe.scales[recipe.blocks.index(block)] for block in self.free])
+        bound = 1.0 - 2.0 * floor
+        return np.concatenate(
+            [logits.ravel(), 2.0 * np.arctanh(np.clip((scales - 1.0) / half, -bound, bound))]
+        )
+
+    def admit(self, recipe: Recipe, argument: str = "start") -> Recipe:
+        """The recipe over all sources and blocks of this encoding, in its order; absent sources weigh 0.
+
+        Raises:
+            InputError: another set of blocks, an unknown source, weights that do not sum to 1, or a recipe
+                this encoding cannot express (block-specific weights when tied, frozen blocks that differ,
+                a scale out of bounds).
+        """
+        require_known(argument, recipe.sources, self.sources, "source")
+        if set(recipe.blocks) != set(self.blocks):
+            raise InputError(
+                f"{argument}: found blocks {list(recipe.blocks)}, expected {list(self.blocks)}: "
+                "use a recipe of the same partition"
+            )
+        rows, scales = [], []
+        for block in self.blocks:
+            weights, scale = recipe.of(block)
+            rows.append(tuple(weights.get(source, 0.0) for source in self.sources))
+            scales.append(scale)
+        admitted = Recipe(self.sources, self.blocks, tuple(rows), tuple(scales))
+        self._check(admitted, argument)
+        return admitted
+
+    def _check(self, recipe: Recipe, argument: str) -> None:
+        if self.tied and not recipe.tied:
+            raise InputError(
+                f"{argument}: found weights that differ between blocks, expected one row for all: "
+                "set tied=False to search them"
+            )
+        equal = 1.0 / len(self.sources)
+        for block, row, scale in zip(recipe.blocks, recipe.weights, recipe.scales, strict=True):
+            where = f"{argument}: block {block!r}"
+            if abs(math.fsum(row) - 1.0) > _SUM_TOLERANCE:
+                raise InputError(f"{where} has weights that sum to {math.fsum(row):g}, expected 1")
+            fixed = block in self.frozen or not self.scaled
+            low, high = (1.0, 1.0) if fixed else self.gamma
+            if not low <= scale <= high:
+                raise InputError(f"{where} has the scale {scale:g}, expected it in [{low:g}, {high:g}]")
+            unequal = any(abs(weight - equal) > _SUM_TOLERANCE for weight in row)
+            if block in self.frozen and not self.tied and unequal:
+                raise InputError(f"{where} is frozen but has weights {list(row)}, expected equal ones")
+
+
+def check_gamma(gamma: tuple[float, float]) -> None:
+    """Refuse bounds of the module scales that are not [low, high] with 0 <= low < 1 < high and midpoint 1.
+
+    Raises:
+        InputError: what was found, and why the midpoint matters.
+    """
+    if not isinstance(gamma, tuple | list) or len(gamma) != 2:
+        raise InputError(f"gamma: found {gamma!r}, expected two numbers such as (0.25, 1.75)")
+    low, high = gamma
+    require_between("gamma", low, 0.0)
+    require_between("gamma", high, 0.0)
+    if not low < 1.0 < high or abs((low + high) / 2.0 - 1.0) > 1e-9:
+        raise InputError(
+            f"gamma: found [{low:g}, {high:g}], expected bounds around 1 with 1 in the middle, such as "
+            "[0.25, 1.75], so that x = 0 is the equal-weight merge"
+        )
+
+
+def softmax(logits: Vector) -> tuple[float, ...]:
+    """Weights on the simplex (eq. 10); equal logits give exactly 1/E each."""
+    powers = np.exp(logits - logits.max())
+    return tuple(float(weight) for weight in powers / powers.sum())
+
+
+def scale_of(s: float, gamma: tuple[float, float]) -> float:
+    """Module scale of one variable (eq. 11), as 1 + half the range * tanh(s / 2).
+
+    For bounds with midpoint 1 that is the scaled sigmoid, and unlike it cannot overflow and is exactly 1
+    at s = 0 whatever the bounds.
+    """
+    low, high = gamma
+    scale = 1.0 + (high - low) / 2.0 * math.tanh(s / 2.0)
+    return min(max(scale, low), high)
+
+
+def mean_entropy(recipe: Recipe) -> float:
+    """(1/B) sum over blocks of H(pi_b), in nats, between 0 and ln E (eq. 13 without lambda)."""
+    entropies = [-math.fsum(w * math.log(w) for w in row if w > 0.0) for row in recipe.weights]
+    return math.fsum(entropies) / len(entropies)

@@ -1,0 +1,128 @@
+"""The journal: an append-only record of a search, one JSON object a line, for those who watch it.
+
+Nothing here is state: no search ever reads a journal, and deleting one changes no result.
+
+Records have an ``event``: ``start`` (kind of search, settings, names), ``generation`` (candidates, best,
+counts, and what the kind adds), ``end`` (why), ``resumed`` (a line before it was cut off by a kill).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+from sfkit.errors import InputError
+
+Record = dict[str, Any]
+
+
+class Journal:
+    """Appends records to a file; every line is handed to the operating system before :meth:`write` returns.
+
+    The file is opened for each record alone, so that there is nothing to close and several searches can
+    share one journal.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        """Name the file; it is created by the first record.
+
+        Raises:
+            InputError: the folder does not exist, or the path is a folder.
+        """
+        self.path = Path(path)
+        if self.path.is_dir():
+            raise InputError(f"journal {self.path}: found a folder, expected the name of a file")
+        if not self.path.parent.is_dir():
+            raise InputError(
+                f"journal {self.path}: the folder {self.path.parent} does not exist: create it first"
+            )
+
+    def write(self, event: str, **fields: Any) -> None:
+        """Append one record and the time (UTC) of writing; numbers that are not finite become null."""
+        record = {"event": event, "time": datetime.now(UTC).isoformat(), **fields}
+        with self.path.open("a+b", buffering=0) as file:
+            if _ends_inside_a_line(file.fileno()):
+                file.write(b"\n" + _line({"event": "resumed", "time": record["time"]}))
+            file.write(_line(record))
+
+
+def read_journal(path: str | os.PathLike[str]) -> tuple[Record, ...]:
+    """Every whole record of a journal, in the order written.
+
+    A line cut off by a kill, at the end of the file or before a ``resumed`` record, is left out. A journal
+    that is being written can be read at any moment.
+
+    Raises:
+        InputError: no such file, or a line that is no record anywhere else.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise InputError(
+            f"journal {file}: no such file, expected what a search with journal=Journal(...) wrote"
+        )
+    lines = [line for line in file.read_bytes().split(b"\n") if line]
+    parsed = [_parse(line) for line in lines]
+    for number, record in enumerate(parsed):
+        after = parsed[number + 1] if number + 1 < len(parsed) else {"event": "resumed"}
+        if record is None and (after is None or after.get("event") != "resumed"):
+            raise InputError(
+                f"journal {file}: record {number + 1} is damaged, expected one JSON object a line"
+            )
+    return tuple(record for record in parsed if record is not None)
+
+
+def last_run(records: Iterable[Record], search: str | None = None) -> tuple[Record, ...]:
+    """The records of the latest run: a search that was killed and started again wrote several.
+
+    Args:
+        records: what :func:`read_journal` returned.
+        search: "subset" or "routing"; None takes the latest of any kind.
+    """
+    run: list[Record] = []
+    for record in records:
+        if search is not None and record.get("search", search) != search:
+            continue
+        if record.get("event") == "start":
+            run = []
+        run.append(record)
+    return tuple(run)
+
+
+def _line(record: Mapping[str, Any]) -> bytes:
+    return json.dumps(_plain(record), allow_nan=False, separators=(",", ":")).encode() + b"\n"
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _plain({field.name: getattr(value, field.name) for field in dataclasses.fields(value)})
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value) if math.isfinite(value) else None
+    raise TypeError(f"journal: cannot write a {type(value).__name__}")
+
+
+def _parse(line: bytes) -> Record | None:
+    try:
+        record = json.loads(line)
+    except ValueError:
+        return None
+    return record if isinstance(record, dict) else None
+
+
+def _ends_inside_a_line(descriptor: int) -> bool:
+    size = os.fstat(descriptor).st_size
+    return size > 0 and os.pread(descriptor, 1, size - 1) != b"\n"
