@@ -41,7 +41,9 @@ def constant_guess(pairs: Sequence[SyntheticPair]) -> dict[str, float]:
 
 
 def _mean(predictions: Sequence[NDArray[np.float32]], pairs: Sequence[SyntheticPair]) -> dict[str, float]:
-    offs = [np.abs(d - p.disparity)[np.isfinite(p.disparity)] for d, p in zip(predictions, pairs, strict=True)]
+    offs = [
+        np.abs(d - p.disparity)[np.isfinite(p.disparity)] for d, p in zip(predictions, pairs, strict=True)
+    ]
     return {
         "epe": float(np.mean([off.mean(dtype=np.float64) for off in offs])),
         "bad3": float(np.mean([100.0 * (off > 3.0).mean() for off in offs])),

@@ -42,7 +42,7 @@ class Trained:
 def train(
     domain: Domain, plan: Plan, start: State | None, state_file: Path, progress: Progress | None = None
 ) -> Trained:
-    """Train on ``domain``, from ``start`` or from a seeded initialisation, going on from ``state_file`` if it exists."""
+    """Train on ``domain`` from ``start``, else from seeded weights; go on from ``state_file`` if it exists."""
     network = new_network(plan.seed)
     if start is not None:
         network.load_state_dict(dict(start))
@@ -69,7 +69,10 @@ def train(
             _save(state_file, network, optimiser, step, seconds, cpu_seconds, losses)
             if progress is not None:
                 progress(f"{domain.name}: loss {np.mean(losses[-50:]):.3f}", step, plan.steps)
-    weights = {key: value.detach().clone(memory_format=torch.contiguous_format) for key, value in network.state_dict().items()}
+    weights = {
+        key: value.detach().clone(memory_format=torch.contiguous_format)
+        for key, value in network.state_dict().items()
+    }
     return Trained(weights, step, seconds, cpu_seconds, float(np.mean(losses[-50:])))
 
 
@@ -81,7 +84,7 @@ def new_network(seed: int) -> nn.Module:
 
 
 def channels_last(network: nn.Module) -> None:
-    """Lay the kernels out channels last: on a CPU, convolutions of few channels train a third faster that way."""
+    """Lay the kernels out channels last: convolutions of few channels then train a third faster on a CPU."""
     layouts = {4: torch.channels_last, 5: torch.channels_last_3d}
     for parameter in network.parameters():
         if parameter.ndim in layouts:

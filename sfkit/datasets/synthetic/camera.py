@@ -17,10 +17,10 @@ LUMA = np.array([0.299, 0.587, 0.114])
 
 @dataclass(frozen=True)
 class Response:
-    """One view's tone: 255 * brightness * (gain * radiance) ** gamma, gain per RGB channel, then blur and noise.
+    """One view's optics and tone: blur, then 255 * (gain * radiance) ** gamma, then noise.
 
-    ``blur`` is the Gaussian's sigma in pixels, 0 for none; ``noise`` the standard deviation in grey
-    levels of 0..255 at mid-grey (its variance grows with the signal).
+    ``gain`` is per RGB channel; ``blur`` is the Gaussian's sigma in pixels, 0 for none; ``noise`` the
+    standard deviation in grey levels of 0..255 at mid-grey (its variance grows with the signal).
     """
 
     gain: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -31,7 +31,7 @@ class Response:
 
 @dataclass(frozen=True)
 class Weather:
-    """Haze: radiance reaches the camera by exp(-density * 10 px / disparity), the rest is the sky's ``light``."""
+    """Haze: a share exp(-density * 10 px / disparity) of the radiance arrives, the rest is sky ``light``."""
 
     density: float = 0.0
     light: tuple[float, float, float] = (0.8, 0.8, 0.8)
@@ -55,7 +55,7 @@ def photograph(
         channels = 1 if grey else 3
         spread = response.noise * np.sqrt(0.3 + 1.4 * toned)
         levels = levels + spread * rng.standard_normal((*toned.shape[:2], channels))
-    return np.clip(np.rint(levels), 0.0, 255.0).astype(np.uint8)
+    return np.asarray(np.clip(np.rint(levels), 0.0, 255.0), dtype=np.uint8)
 
 
 def ground_truth(views: Views, keep: Mask | None = None) -> NDArray[np.float32]:
@@ -65,7 +65,7 @@ def ground_truth(views: Views, keep: Mask | None = None) -> NDArray[np.float32]:
 
 
 def scan_lines(height: int, width: int, density: float, rng: Generator) -> Mask:
-    """Where a scanner measured: every third row, each pixel by chance, ``density`` of all pixels on average."""
+    """Where a scanner measured: every third row, each pixel by chance; ``density`` of all on average."""
     mask = np.zeros((height, width), dtype=bool)
     rows = mask[int(rng.integers(3)) :: 3]
     rows[:] = rng.random(rows.shape) < min(1.0, 3.0 * density)

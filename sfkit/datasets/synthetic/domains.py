@@ -119,7 +119,9 @@ SOURCES: tuple[Domain, ...] = (
         disparity=(1.0, 44.0),
         textures={"cloud": 2.0, "grain": 2.0, "checks": 1.0, "paint": 1.0},
     ),
-    Domain("uneven-exposure", "the right view darker, brighter or tinted", exposure=0.5, brightness=(0.7, 1.2)),
+    Domain(
+        "uneven-exposure", "the right view darker, brighter or tinted", exposure=0.5, brightness=(0.7, 1.2)
+    ),
     Domain("sensor-noise", "low light and a noisy sensor", noise=(10.0, 22.0), brightness=(0.35, 0.7)),
     Domain("soft-focus", "both views out of focus, each by its own amount", blur=(1.2, 3.2)),
     Domain(

@@ -20,7 +20,7 @@ SAME_DEPTH = 1e-6
 
 @dataclass(frozen=True)
 class Hits:
-    """What each ray of one view meets: surface index (-1 for nothing), disparity and left-image x, all (H, W)."""
+    """What a view's rays meet: surface index (-1 for nothing), disparity and left-image x, all (H, W)."""
 
     surface: NDArray[np.int16]
     disparity: Array

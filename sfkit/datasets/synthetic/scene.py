@@ -28,7 +28,7 @@ class Composer:
         self.surfaces: list[Surface] = []
 
     def compose(self) -> list[Surface]:
-        """Backdrop, ground, walls, things, thin things; the z-buffer, not this order, decides what is seen."""
+        """Backdrop, ground, walls, things, thin things; the z-buffer, not the order, decides what shows."""
         rng, domain = self.rng, self.domain
         self.backdrop()
         if self.has_ground:
@@ -75,11 +75,9 @@ class Composer:
             slope = sign * (near - self.far) / (abs(edge - end) * self.width)
             slope = float(np.clip(slope, -STEEPEST, STEEPEST))
             field = DisparityField((end * self.width, self.height / 2), self.far, slope)
-            left, right = (-self.width, end * self.width) if sign < 0 else (end * self.width, 2.0 * self.width)
-            self._add(
-                field, shapes.everywhere(), self._skin(), (left, right, 0.0, float(self.height)),
-                reach=(0.1, self.near + 1.0),
-            )  # fmt: skip
+            corner, outer = end * self.width, (0.5 + 1.5 * sign) * self.width
+            box = (min(corner, outer), max(corner, outer), 0.0, float(self.height))
+            self._add(field, shapes.everywhere(), self._skin(), box, reach=(0.1, self.near + 1.0))
 
     def patch(self) -> None:
         """A free-standing face: rectangle, ellipse or blob, flat or curved."""
@@ -112,10 +110,8 @@ class Composer:
             outline, reach = shapes.rectangle(*half), half
         elif kind == 1:
             half = (float(rng.uniform(40.0, 160.0)), float(rng.uniform(0.8, 1.6)))
-            outline, reach = shapes.rectangle(*half, float(rng.uniform(0.2, 1.4) * rng.choice([-1.0, 1.0]))), (
-                half[0],
-                half[0],
-            )
+            angle = float(rng.uniform(0.2, 1.4) * rng.choice([-1.0, 1.0]))
+            outline, reach = shapes.rectangle(*half, angle), (half[0], half[0])
         else:
             half = (float(rng.uniform(25.0, 70.0)), float(rng.uniform(18.0, 45.0)))
             period = float(rng.uniform(9.0, 20.0))
@@ -154,10 +150,15 @@ class Composer:
         if kind == 0:
             angle = 0.0 if self.has_ground else float(self.rng.uniform(-0.6, 0.6))
             cos, sin = abs(np.cos(angle)), abs(np.sin(angle))
-            return shapes.rectangle(*half, angle), (half[0] * cos + half[1] * sin, half[0] * sin + half[1] * cos)
+            return shapes.rectangle(*half, angle), (
+                half[0] * cos + half[1] * sin,
+                half[0] * sin + half[1] * cos,
+            )
         if kind == 1:
             return shapes.ellipse(*half), half
-        waves = tuple((float(self.rng.uniform(0.0, 0.16)), float(self.rng.uniform(0.0, 6.28))) for _ in range(3))
+        waves = tuple(
+            (float(self.rng.uniform(0.0, 0.16)), float(self.rng.uniform(0.0, 6.28))) for _ in range(3)
+        )
         radius = float(np.sqrt(half[0] * half[1]))
         bound = radius * (1.0 + sum(a for a, _ in waves))
         return shapes.blob(radius, waves), (bound, bound)

@@ -22,7 +22,7 @@ def rectangle(half_width: float, half_height: float, angle: float = 0.0) -> Shap
 
     def inside(x: Array, y: Array) -> Mask:
         along, across = cos * x + sin * y, cos * y - sin * x
-        return (np.abs(along) <= half_width) & (np.abs(across) <= half_height)
+        return np.asarray((np.abs(along) <= half_width) & (np.abs(across) <= half_height))
 
     return inside
 

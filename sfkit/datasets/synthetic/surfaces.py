@@ -23,7 +23,7 @@ Skin = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True)
 class DisparityField:
-    """d(x, y) = level + slope_x u + slope_y v + curve_x u^2 + curve_y v^2, with u, v = (x, y) - centre; pixels."""
+    """d = level + slope_x u + slope_y v + curve_x u^2 + curve_y v^2 with (u, v) = (x, y) - centre; pixels."""
 
     centre: tuple[float, float]
     level: float

@@ -19,7 +19,7 @@ TILE = 288
 
 
 def skin(tile: Array, scale: float, angle: float, offset: tuple[float, float]) -> Skin:
-    """The tile laid on the left image: ``scale`` texels a pixel, turned by ``angle``, moved by ``offset`` texels."""
+    """The tile on the left image: ``scale`` texels a pixel, turned by ``angle``, moved by ``offset``."""
     cos, sin = scale * np.cos(angle), scale * np.sin(angle)
 
     def colours(x: Array, y: Array) -> Array:
@@ -36,7 +36,8 @@ def ground_skin(tile: Array, horizon: float, scale: float, offset: tuple[float, 
     """
     chain = [tile]
     while chain[-1].shape[0] > 3:
-        chain.append(cv2.resize(chain[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+        half = cv2.resize(chain[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        chain.append(np.asarray(half, dtype=np.float64))
 
     def colours(x: Array, y: Array) -> Array:
         below = np.maximum(y - horizon, 0.5)
@@ -129,7 +130,7 @@ def _noise(rng: Generator, nodes: tuple[int, ...]) -> Array:
     for count in nodes:
         grid = rng.uniform(-1.0, 1.0, size=(count, count))
         total += cv2.resize(grid, (TILE, TILE), interpolation=cv2.INTER_CUBIC)
-    return total / np.sqrt(len(nodes))
+    return np.asarray(total / np.sqrt(len(nodes)), dtype=np.float64)
 
 
 def _soft(pattern: Array) -> Array:
