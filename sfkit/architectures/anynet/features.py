@@ -37,7 +37,8 @@ class FeatureExtractor(nn.Module):
         self.upblocks = nn.ModuleList([_Up(eighth + sixteenth, eighth), _Up(quarter + eighth, quarter)])
 
     def forward(self, image: torch.Tensor) -> Features:
-        quarter = self.block0(image)
+        # With one output channel the first convolution is up to twice as fast on this layout.
+        quarter = self.block0(image.contiguous(memory_format=torch.channels_last))
         eighth = self.blocks[0](quarter)
         sixteenth = self.blocks[1](eighth)
         eighth = self.upblocks[0](eighth, sixteenth)
