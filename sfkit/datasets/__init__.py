@@ -1,0 +1,37 @@
+"""Stereo pairs with ground truth: file formats, public data sets, benchmarks, and checks of the data."""
+
+from sfkit.datasets.benchmark import memory_benchmark, open_benchmark
+from sfkit.datasets.benchmark_record import Benchmark
+from sfkit.datasets.check import DataReport, check_benchmark, check_data
+from sfkit.datasets.formats import (
+    read_disparity,
+    read_image,
+    read_pfm,
+    write_disparity_png16,
+    write_pfm,
+)
+from sfkit.datasets.manifests import Manifest, load_manifest, manifest_names
+from sfkit.datasets.measure import Metric
+from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
+
+__all__ = [
+    "Benchmark",
+    "DataReport",
+    "Manifest",
+    "MemoryPair",
+    "Metric",
+    "Pair",
+    "Sample",
+    "StereoPair",
+    "check_benchmark",
+    "check_data",
+    "load_manifest",
+    "manifest_names",
+    "memory_benchmark",
+    "open_benchmark",
+    "read_disparity",
+    "read_image",
+    "read_pfm",
+    "write_disparity_png16",
+    "write_pfm",
+]

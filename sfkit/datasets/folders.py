@@ -26,7 +26,8 @@ from sfkit.datasets.roots import inside
 from sfkit.errors import InputError, nearest
 
 HINTS = "pairs.toml"
-HINT_KEYS = ("coding", "disparity", "left", "mask", "right")
+FILE_HINTS = ("left", "right", "disparity", "mask")
+HINT_KEYS = (*FILE_HINTS, "coding")
 IMAGES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff")
 DISPARITIES = (".npy", ".npz", ".pfm", ".png")
 MASKS = ("mask0nocc", "nocc", "mask")
@@ -130,10 +131,15 @@ def _hints(folder: Path) -> dict[str, str]:
 def _roles(folder: Path, hints: Mapping[str, str]) -> dict[str, Path]:
     """The files of a pair by role, as far as they are there."""
     files = [path for path in sorted(folder.iterdir()) if path.is_file()]
-    roles = _recognised(folder, files)
-    for role in ("left", "right", "disparity", "mask"):
-        if role in hints and (folder / hints[role]).is_file():
+    roles = {} if "left" in hints else _recognised(folder, files)
+    for role in FILE_HINTS:
+        if role not in hints:
+            continue
+        roles.pop(role, None)  # a hint is never passed over in silence
+        if (folder / hints[role]).is_file():
             roles[role] = folder / hints[role]
+        elif role == "mask" and "left" in roles:
+            raise InputError(f"{folder}: found no {hints[role]}, which a {HINTS} names as its mask")
     return roles
 
 

@@ -16,7 +16,10 @@ Codings:
 
 from __future__ import annotations
 
+import io
 import math
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.datasets.images import read_grey, read_image
-from sfkit.datasets.pfm import read_pfm, write_pfm
+from sfkit.datasets.pfm import read_bytes, read_pfm, write_pfm
 from sfkit.errors import InputError, unknown_name
 
 __all__ = [
@@ -41,6 +44,7 @@ __all__ = [
 
 KITTI_SCALE = 256.0
 CODINGS = ("npy", "npz", "pfm", "png16", "png8")
+_UNREADABLE = (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error)
 _BY_SUFFIX = {".pfm": "pfm", ".npy": "npy", ".npz": "npz"}
 
 
@@ -156,16 +160,17 @@ def _read_npz(path: Path, coding: Coding) -> NDArray[Any]:
             raise unknown_name(f"entry of {path}", entry, names)
         try:
             return _map(path, archive[entry])
-        except (ValueError, OSError) as error:
+        except _UNREADABLE as error:
             raise InputError(
                 f"{path}: entry {entry!r} cannot be read ({error}), expected a plain array"
             ) from error
 
 
 def _load(path: Path) -> Any:
+    data = io.BytesIO(read_bytes(path))  # given a path, np.load leaves damaged archives open
     try:
-        return np.load(path, allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
+        return np.load(data, allow_pickle=False)
+    except _UNREADABLE as error:
         raise InputError(
             f"{path}: cannot be read ({error}), expected a numpy file of plain numbers"
         ) from error

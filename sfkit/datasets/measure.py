@@ -124,14 +124,19 @@ def rule(protocol: str, family: str) -> Rule:
     if family not in FAMILIES:
         raise unknown_name("family", family, FAMILIES)
     if family not in RULES[protocol]:
-        able = ", ".join(name for name, rules in RULES.items() if family in rules)
+        able = ", ".join(rules_for(family))
         raise InputError(f"protocol {protocol!r} has no rule for {family!r}, expected one of: {able}")
     return RULES[protocol][family]
 
 
+def rules_for(family: str) -> dict[str, Rule]:
+    """The rules for a family, by protocol."""
+    return {name: rules[family] for name, rules in RULES.items() if family in rules}
+
+
 def protocols_without_mask(family: str) -> tuple[str, ...]:
     """The protocols that score a family without an occlusion mask."""
-    return tuple(n for n, rules in RULES.items() if family in rules and not rules[family].visible_only)
+    return tuple(name for name, rule in rules_for(family).items() if not rule.visible_only)
 
 
 def default_metric(protocol: str, family: str, own_metric: str) -> str:
