@@ -11,6 +11,7 @@ STAGE_WEIGHTS = (0.25, 0.5, 1.0)
 """Weights of AnyNet's three stages in the loss, coarse to fine (Wang et al., ICRA 2019, section IV)."""
 
 HELD_OUT_PAIRS = 24
+"""Pairs of a domain that a finished training is measured on."""
 
 
 @dataclass(frozen=True)
@@ -31,4 +32,4 @@ class Plan:
 
 
 BASE_PLAN = Plan(steps=2000, peak_rate=2e-3, scenes=300)
-SOURCE_PLAN = Plan(steps=450, peak_rate=1e-3, scenes=200)
+SOURCE_PLAN = Plan(steps=600, peak_rate=1e-3, scenes=200)

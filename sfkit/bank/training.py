@@ -42,7 +42,7 @@ class Trained:
 def train(
     domain: Domain, plan: Plan, start: State | None, state_file: Path, progress: Progress | None = None
 ) -> Trained:
-    """Train on ``domain`` from ``start``, else from seeded weights; go on from ``state_file`` if it exists."""
+    """Train on ``domain`` from ``start``, else from seeded weights; continue ``state_file`` if it exists."""
     network = new_network(plan.seed)
     if start is not None:
         network.load_state_dict(dict(start))

@@ -38,7 +38,7 @@ class SyntheticPair:
 def synthetic_pair(
     domain: Domain, index: int, *, split: str = "train", height: int = HEIGHT, width: int = WIDTH
 ) -> SyntheticPair:
-    """Pair ``index`` of a domain's ``split``: ``train``, ``held-out`` or ``benchmark``, which share no scene."""
+    """Pair ``index`` of a domain's ``train``, ``held-out`` or ``benchmark`` split; splits share no scene."""
     name = zlib.crc32(domain.name.encode())
     scene_seed, camera_seed = SeedSequence([SEED, name, SPLITS[split], index]).spawn(2)
     return rendered(domain, default_rng(scene_seed), default_rng(camera_seed), height, width)

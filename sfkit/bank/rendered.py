@@ -1,0 +1,103 @@
+"""The bank's benchmarks: pairs that are rendered from their seeds when they are first asked for."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+
+from sfkit.datasets import Benchmark, Sample
+from sfkit.datasets.synthetic import domains, synthetic_pair, worlds
+from sfkit.datasets.synthetic.domains import BENCHMARK_PAIRS, HEIGHT, QUICK_PAIRS, VALIDATION, WIDTH
+from sfkit.datasets.synthetic.pairs import SEED
+from sfkit.errors import InputError, unknown_name
+
+METRIC = "bad-3.0"
+PROTOCOL = "all-valid"
+RENDERER = "1"
+"""Raise it whenever a rendered pair changes by more than rounding: scores of before then no longer count."""
+
+
+@dataclass(frozen=True)
+class RenderedPair:
+    """One pair of a synthetic world, known by its seed; rendered once a process.
+
+    Its fingerprint names world, seed and renderer instead of the pixels, because pixels may differ by
+    rounding from machine to machine; ``sfkit.bank.fingerprints`` checks the pixels within a tolerance.
+    """
+
+    world: str
+    index: int
+    split: str = "benchmark"
+
+    @property
+    def id(self) -> str:
+        """World and number, such as ``courtyard-07``."""
+        return f"{self.world}-{self.index:02d}"
+
+    def load(self) -> Sample:
+        """Render the pair, or recall it; callers do not write into it."""
+        return _render(self.world, self.index, self.split)
+
+    def fingerprint(self) -> str:
+        """SHA-256 (hex) of everything the pair is made from."""
+        world = {**domains(), **worlds()}[self.world]
+        made_from = (RENDERER, SEED, HEIGHT, WIDTH, self.split, self.index, self.id, repr(world))
+        return hashlib.sha256(repr(made_from).encode()).hexdigest()
+
+
+def benchmarks() -> tuple[str, ...]:
+    """The names of the bank's benchmarks, the validation benchmark first."""
+    return tuple(worlds())
+
+
+def benchmark(name: str, quick: bool = False) -> Benchmark:
+    """The benchmark ``name`` of 40 pairs, 192 x 384; nothing is rendered before a pair is loaded.
+
+    ``quick`` keeps the first 8 pairs of the validation benchmark. Scores are bad-3.0 in percent over
+    all pixels with ground truth, mean over images.
+
+    Raises:
+        InputError: an unknown name, or ``quick`` for a benchmark that searches must not see.
+    """
+    if name not in worlds():
+        raise unknown_name("benchmark of the bank", name, worlds())
+    if quick and name != VALIDATION:
+        raise InputError(
+            f"benchmark {name!r}: found quick=True, expected it for the validation benchmark only; "
+            f"use {VALIDATION!r} or all pairs"
+        )
+    return _benchmark(name, QUICK_PAIRS if quick else BENCHMARK_PAIRS, "benchmark")
+
+
+def held_out(name: str, pairs: int) -> Benchmark:
+    """The first ``pairs`` held-out pairs of the domain ``name``, which no training saw.
+
+    Raises:
+        InputError: an unknown domain.
+    """
+    if name not in domains():
+        raise unknown_name("domain of the bank", name, domains())
+    return _benchmark(name, pairs, "held-out")
+
+
+def _benchmark(name: str, pairs: int, split: str) -> Benchmark:
+    world = {**domains(), **worlds()}[name]
+    return Benchmark(
+        name=name,
+        family="pairs",
+        pairs=tuple(RenderedPair(name, index, split) for index in range(pairs)),
+        protocol=PROTOCOL,
+        metric=METRIC,
+        expected=pairs if split == "held-out" else BENCHMARK_PAIRS,
+        licence="Apache-2.0",
+        notes=(f"rendered: {world.about}",),
+    )
+
+
+@lru_cache(maxsize=256)
+def _render(world: str, index: int, split: str) -> Sample:
+    pair = synthetic_pair({**domains(), **worlds()}[world], index, split=split)
+    for array in (pair.left, pair.right, pair.disparity, pair.nonoccluded):
+        array.flags.writeable = False
+    return Sample(f"{world}-{index:02d}", pair.left, pair.right, pair.disparity, pair.nonoccluded)
