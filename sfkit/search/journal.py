@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from sfkit.errors import InputError
 
@@ -48,7 +48,7 @@ class Journal:
         """Append one record and the time (UTC) of writing; numbers that are not finite become null."""
         record = {"event": event, "time": datetime.now(UTC).isoformat(), **fields}
         with self.path.open("a+b", buffering=0) as file:
-            if _ends_inside_a_line(file.fileno()):
+            if _ends_inside_a_line(file):
                 file.write(b"\n" + _line({"event": "resumed", "time": record["time"]}))
             file.write(_line(record))
 
@@ -123,6 +123,8 @@ def _parse(line: bytes) -> Record | None:
     return record if isinstance(record, dict) else None
 
 
-def _ends_inside_a_line(descriptor: int) -> bool:
-    size = os.fstat(descriptor).st_size
-    return size > 0 and os.pread(descriptor, 1, size - 1) != b"\n"
+def _ends_inside_a_line(file: BinaryIO) -> bool:
+    if file.seek(0, os.SEEK_END) == 0:
+        return False
+    file.seek(-1, os.SEEK_END)
+    return file.read(1) != b"\n"

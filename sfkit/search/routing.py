@@ -71,7 +71,7 @@ class RoutingState(SearchState[RoutingCandidate]):
 
     Attributes:
         distribution: what the last population was drawn from.
-        stops: pycma's stop conditions that hold.
+        stops: pycma's stop conditions that hold; none after a population that failed as a whole.
     """
 
     distribution: Distribution = field(default=Distribution((), 0.0, ()))
@@ -175,7 +175,9 @@ class RoutingSearch(Search[RoutingCandidate]):
         candidates = (*state.candidates, *fresh)
         if generation > 0 and len(fresh) == len(vectors):
             cma.tell(_values(fresh, candidates))
-        self._state = RoutingState(generation, candidates, cma.distribution, cma.stops)
+        # Values made up for failures can look like convergence, which must not end the run.
+        stops = () if all(candidate.failed for candidate in fresh) else cma.stops
+        self._state = RoutingState(generation, candidates, cma.distribution, stops)
         self._cma = cma
 
     def _first(self) -> tuple[list[Vector], list[str], list[Recipe]]:

@@ -1,0 +1,163 @@
+"""Both stages in one call: which sources to merge, then how; everything on disk as it comes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from sfkit.errors import InputError
+from sfkit.evaluation.estimate import Estimate, estimate
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.outcome import Scorer
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+from sfkit.merging.saving import origin_metadata, save_merged
+from sfkit.search.breeding import SubsetSettings
+from sfkit.search.constraints import Constraints
+from sfkit.search.journal import Journal
+from sfkit.search.records import Generation
+from sfkit.search.routing import RoutingCandidate, RoutingSearch
+from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.subset import SubsetCandidate, SubsetSearch
+
+Progress = Callable[[str, Generation[Any]], None]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to search.
+
+    Attributes:
+        subset: sources to route among, which leaves Stage 1 out; None to search for them.
+        stage1: settings of the subset search.
+        stage2: settings of the routing search; None leaves Stage 2 out.
+        constraints: limits for both.
+        start: a recipe Stage 2 starts from beside the equal weights.
+    """
+
+    subset: tuple[str, ...] | None = None
+    stage1: SubsetSettings = field(default_factory=SubsetSettings)
+    stage2: RoutingSettings | None = field(default_factory=RoutingSettings)
+    constraints: Constraints = field(default_factory=Constraints)
+    start: Recipe | None = None
+
+    def __post_init__(self) -> None:
+        if self.subset is not None and self.stage2 is None:
+            raise InputError("found a subset and no Stage 2, expected something to search")
+
+    @property
+    def evaluations(self) -> int:
+        """The most evaluations both stages can ask for."""
+        first = 0 if self.subset is not None else self.stage1.population * (self.stage1.generations + 1)
+        return first + (self.stage2.evaluations if self.stage2 is not None else 0)
+
+    def check(self, pool: Pool) -> None:
+        """Refuse before any evaluation what the searches would refuse later.
+
+        Raises:
+            InputError: a name the pool does not have, or constraints that leave nothing to choose.
+        """
+        if self.subset is None:
+            self.constraints.space(pool.names, pool.blocks)
+        else:
+            self.constraints.check_subset(pool.subset(self.subset), pool.blocks)
+        if self.start is not None:
+            pool.check_recipe(self.start)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found, and where it lies.
+
+    Attributes:
+        recipe: the best recipe.
+        score: its score on the validation benchmark, in the metric's unit.
+        stage1: Stage 1's best; None where it was left out.
+        stage2: Stage 2's best; None where it was left out.
+        merged: the merged network's file.
+        folder: where journal, tables and recipe lie.
+    """
+
+    recipe: Recipe
+    score: float
+    stage1: SubsetCandidate | None
+    stage2: RoutingCandidate | None
+    merged: Path
+    folder: Path
+
+
+def search_pool(
+    pool: Pool,
+    scorer: Scorer,
+    plan: Plan,
+    folder: Path,
+    *,
+    progress: Progress | None = None,
+) -> Found:
+    """Run the plan and write what it finds.
+
+    Writes into ``folder``: ``journal.jsonl`` (for viewers), ``stage1.csv`` and ``stage2.csv`` (every
+    candidate), ``recipe.json``, ``merged.safetensors`` and ``result.json``. Run again with the same
+    store, a finished search is read back and an interrupted one goes on where it was.
+
+    Raises:
+        InputError: constraints or settings do not suit the pool.
+        SfkitError: no candidate could be scored.
+    """
+    journal = Journal(folder / "journal.jsonl")
+    subset, first, second = plan.subset, None, None
+    if subset is None:
+        stage1 = SubsetSearch(
+            pool.names, pool.blocks, scorer, plan.stage1, constraints=plan.constraints, journal=journal
+        )
+        first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
+        stage1.history.to_csv(folder / "stage1.csv", index=False)
+        subset = first.subset
+    best: SubsetCandidate | RoutingCandidate | None = first
+    if plan.stage2 is not None:
+        stage2 = RoutingSearch(
+            pool.subset(subset), pool.blocks, scorer, plan.stage2,
+            constraints=plan.constraints, start=plan.start, journal=journal,
+        )  # fmt: skip
+        second = stage2.run(None if progress is None else lambda g: progress("Stage 2", g))
+        stage2.history.to_csv(folder / "stage2.csv", index=False)
+        best = second
+    if best is None:
+        raise InputError("the plan has neither stage, expected something to search")
+    (folder / "recipe.json").write_text(best.recipe.to_json(), encoding="utf-8")
+    merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
+    found = Found(best.recipe, best.score, first, second, merged, folder)
+    (folder / "result.json").write_text(json.dumps(summary(pool, found), indent=2), encoding="utf-8")
+    return found
+
+
+def summary(pool: Pool, found: Found) -> dict[str, Any]:
+    """Plain values: scores, subset, recipe and where its parts come from."""
+    origin = {
+        key.removeprefix("sfkit."): json.loads(v) for key, v in origin_metadata(pool, found.recipe).items()
+    }
+    return {
+        "pool": pool.name,
+        "score": found.score,
+        "stage1": found.stage1.score if found.stage1 else None,
+        "stage2": found.stage2.score if found.stage2 else None,
+        "subset": list(found.recipe.sources),
+        "recipe": found.recipe.as_dict(),
+        "origin": {key: origin[key] for key in ("architecture", "base", "sources")},
+        "merged": str(found.merged),
+    }
+
+
+def cost(pool: Pool, evaluators: Sequence[Evaluator], plan: Plan, subset: Iterable[str] = ()) -> Estimate:
+    """What the plan will cost at most: one timed evaluation on each validation benchmark."""
+    recipe = pool.equal(*(plan.subset or tuple(subset) or pool.names))
+    parts = [estimate(evaluator, recipe, plan.evaluations) for evaluator in evaluators]
+    return Estimate(
+        plan.evaluations,
+        sum(part.seconds_each for part in parts),
+        max(part.memory_bytes for part in parts),
+        sum(part.images for part in parts),
+    )
