@@ -1,1 +1,85 @@
-"""sfkit: merge stereo-matching networks, after the paper StereoFactory."""
+"""sfkit: merge stereo-matching networks, after the paper StereoFactory.
+
+Open a pool, search which sources to merge (Stage 1) and how (Stage 2), write one network::
+
+    import sfkit
+
+    pool = sfkit.open_pool("pool.toml")
+    validation = sfkit.open_benchmark("eth3d", "~/ETH3D")
+    scorer = sfkit.Evaluator(pool, validation, store=sfkit.EvaluationStore("runs/evaluations.sqlite"))
+    which = sfkit.SubsetSearch(pool.names, pool.blocks, scorer).run()
+    how = sfkit.RoutingSearch(which.subset, pool.blocks, scorer).run()
+    sfkit.save_merged(pool, how.recipe, "runs/merged.safetensors")
+"""
+
+from importlib.metadata import version
+
+from sfkit.architectures import InputConvention, PadSides, architectures, register_architecture
+from sfkit.checkpoints import FileForm, read_checkpoint
+from sfkit.datasets.benchmark import Benchmark, open_benchmark
+from sfkit.datasets.check import check_data
+from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
+from sfkit.evaluation import (
+    CombinedScorer,
+    Estimate,
+    EvaluationStore,
+    Evaluator,
+    Outcome,
+    estimate,
+    pivot,
+    score_recipes,
+)
+from sfkit.merging import LiveModel, Pool, Recipe, open_pool, routed
+from sfkit.merging.network import load_network
+from sfkit.merging.saving import read_origin, read_recipe, save_merged
+from sfkit.search import (
+    Constraints,
+    Journal,
+    RoutingSearch,
+    RoutingSettings,
+    SubsetSearch,
+    SubsetSettings,
+    transfer,
+)
+
+__version__ = version("sfkit")
+
+__all__ = [
+    "Benchmark",
+    "CombinedScorer",
+    "Constraints",
+    "Estimate",
+    "EvaluationStore",
+    "Evaluator",
+    "FileForm",
+    "InputConvention",
+    "InputError",
+    "Journal",
+    "LiveModel",
+    "Outcome",
+    "PadSides",
+    "Pool",
+    "Recipe",
+    "RoutingSearch",
+    "RoutingSettings",
+    "SfkitError",
+    "SfkitWarning",
+    "StoreError",
+    "SubsetSearch",
+    "SubsetSettings",
+    "architectures",
+    "check_data",
+    "estimate",
+    "load_network",
+    "open_benchmark",
+    "open_pool",
+    "pivot",
+    "read_checkpoint",
+    "read_origin",
+    "read_recipe",
+    "register_architecture",
+    "routed",
+    "save_merged",
+    "score_recipes",
+    "transfer",
+]

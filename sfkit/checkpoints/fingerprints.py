@@ -19,7 +19,7 @@ def tensor_digest(tensor: torch.Tensor) -> str:
     """Digest of one tensor's dtype, shape and bytes."""
     flat = tensor.detach().contiguous().reshape(-1).view(torch.uint8) if tensor.numel() else tensor
     digest = hashlib.sha256(f"{tensor.dtype}{tuple(tensor.shape)}".encode())
-    digest.update(memoryview(flat.numpy()))
+    digest.update(flat.numpy().data)
     return digest.hexdigest()
 
 

@@ -63,7 +63,7 @@ class Evaluator:
         self.pool = pool
         self.benchmark = benchmark
         self.metric = Metric.parse(metric or benchmark.metric)
-        self.store = store or EvaluationStore(":memory:")
+        self.store = EvaluationStore(":memory:") if store is None else store
         self.device = device
         self.retry_failed = retry_failed
         self.counts = Counts()

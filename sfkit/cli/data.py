@@ -1,0 +1,38 @@
+"""``sfkit data check``: what is in a folder of stereo pairs, before anything is computed on it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from sfkit.cli.options import JsonOption, PairsOption, ResolutionOption, RootOption, emit
+from sfkit.datasets.check import check_data
+from sfkit.errors import InputError
+
+app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@app.command("check")
+def check(
+    name: Annotated[str, typer.Argument(help="eth3d, kitti2012, kitti2015, middlebury, or pairs.")],
+    root: RootOption = None,
+    resolution: ResolutionOption = None,
+    csv: PairsOption = None,
+    coding: Annotated[
+        str | None, typer.Option(help="For pairs: how ground truth is coded, such as pfm or png8:4.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Say what was found, what is missing, and whether images, sizes and ground truth make sense.
+
+    \b
+    Example:
+      sfkit data check eth3d --root ~/ETH3D
+    """
+    if root is None:
+        raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
+    report = check_data(name, root, resolution=resolution, coding=coding, table=csv)
+    emit(report.to_dict(), report.to_text(), as_json=json)
+    if report.problems:
+        raise typer.Exit(1)

@@ -1,0 +1,66 @@
+"""``sfkit report``: run a notebook and keep it as one offline HTML file."""
+
+from __future__ import annotations
+
+import json as jsonlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sfkit.cli.options import JsonOption, emit, say
+from sfkit.errors import InputError
+from sfkit.reports import report as run_report
+
+
+def report(
+    notebook: Annotated[Path, typer.Argument(help="A parameterised notebook.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The HTML file to write.")],
+    parameter: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--parameter", "-p", help="A parameter's name and value (JSON, or text).", metavar="NAME VALUE"
+        ),
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Run a notebook from top to bottom and write it as one HTML file that needs no network.
+
+    A run that fails still leaves a report that shows the failing cell.
+
+    \b
+    Example:
+      sfkit report notebooks/01_quickstart.ipynb -p pool pool.toml -p seed 1 -o report.html
+    """
+    values = dict(_parameter(text) for text in parameter or [])
+    written = run_report(notebook, values, out, progress=say)
+    emit({"report": written}, f"wrote {written}", as_json=json)
+
+
+def join_parameters(arguments: Sequence[str]) -> list[str]:
+    """Papermill's ``-p NAME VALUE``, two words, as the one word ``NAME=VALUE`` that the parser takes."""
+    joined: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        joined.append(word)
+        if word in ("-p", "--parameter"):
+            name = next(words, None)
+            if name is not None:
+                joined.append(name if "=" in name else f"{name}={next(words, '')}")
+    return joined
+
+
+def _parameter(text: str) -> tuple[str, Any]:
+    name, sign, value = text.partition("=")
+    if not sign or not name:
+        raise InputError(f"-p: found {text!r}, expected a parameter's name and its value")
+    return name, _value(value)
+
+
+def _value(text: str) -> Any:
+    """JSON where it reads as JSON (numbers, true, lists), the text itself otherwise."""
+    try:
+        return jsonlib.loads(text)
+    except jsonlib.JSONDecodeError:
+        return text

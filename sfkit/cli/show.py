@@ -1,0 +1,28 @@
+"""``sfkit show``: what a file is and how it was made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sfkit.cli.options import JsonOption, emit
+from sfkit.inspection import inspect_file
+
+
+def show(
+    file: Annotated[
+        Path,
+        typer.Argument(help="A network, a pool.toml, a recipe or an evaluation store.", show_default=False),
+    ],
+    json: JsonOption = False,
+) -> None:
+    """Print what a file is and how it was made.
+
+    \b
+    Example:
+      sfkit show merged.safetensors
+    """
+    description = inspect_file(file)
+    emit(description.document, description.text, as_json=json)

@@ -1,0 +1,154 @@
+"""What is this file, and how was it made? Behind ``sfkit show``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
+from sfkit.checkpoints.reading import SUFFIXES, read_checkpoint
+from sfkit.checkpoints.spec import read_pool_spec
+from sfkit.errors import InputError
+from sfkit.evaluation.store import EvaluationStore
+from sfkit.merging.recipe import Recipe
+from sfkit.merging.saving import Origin, read_origin
+
+STORE_SUFFIXES = (".sqlite", ".db")
+
+
+@dataclass(frozen=True)
+class Description:
+    """A file explained: plain values, and the same as text."""
+
+    document: Mapping[str, Any]
+    text: str
+
+
+def inspect_file(path: str | Path) -> Description:
+    """Explain a network, a ``pool.toml``, a recipe, or an evaluation store.
+
+    Raises:
+        InputError: there is no such file, or it is of no kind sfkit knows.
+        StoreError: an evaluation store that is damaged.
+    """
+    path = Path(path)
+    if path.is_dir() and (path / "pool.toml").is_file():
+        path = path / "pool.toml"
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected a network, a pool.toml, a recipe or a store")
+    readers: dict[str, Callable[[Path], Description]] = {
+        **dict.fromkeys(SUFFIXES, _network),
+        **dict.fromkeys(STORE_SUFFIXES, _store),
+        ".toml": _pool,
+        ".json": _recipe,
+    }
+    if path.suffix not in readers:
+        raise InputError(f"{path}: found the ending {path.suffix!r}, expected one of {', '.join(readers)}")
+    return readers[path.suffix](path)
+
+
+def _network(path: Path) -> Description:
+    file = read_checkpoint(path)
+    tensors = file.tensors
+    elements = sum(tensor.numel() for tensor in tensors.values())
+    identity = fingerprint({key: tensor_digest(tensor) for key, tensor in tensors.items()})
+    origin = read_origin(path)
+    document = {
+        "kind": "merged network" if origin else "checkpoint",
+        "file": str(path),
+        "fingerprint": identity,
+        "tensors": len(tensors),
+        "elements": elements,
+        "dtypes": sorted({str(tensor.dtype).removeprefix("torch.") for tensor in tensors.values()}),
+        "layout": {"container": file.layout.container, "prefix": file.layout.prefix},
+        "origin": _origin(origin) if origin else None,
+    }
+    lines = [
+        f"{path}: {document['kind']}, {len(tensors)} tensors, {elements:,} elements",
+        f"  fingerprint: {identity[:12]}",
+        f"  layout: {file.layout.container or 'bare state dict'}, prefix {file.layout.prefix or 'none'}",
+    ]
+    return Description(document, "\n".join([*lines, *(_origin_lines(origin) if origin else ())]))
+
+
+def _origin(origin: Origin) -> dict[str, Any]:
+    return {
+        "pool": origin.pool,
+        "sfkit": origin.sfkit,
+        "architecture": dict(origin.architecture),
+        "base": dict(origin.base),
+        "sources": {name: dict(source) for name, source in origin.sources.items()},
+        "licences": origin.licences,
+        "recipe": origin.recipe.as_dict(),
+    }
+
+
+def _origin_lines(origin: Origin) -> list[str]:
+    made = f"  made by sfkit {origin.sfkit} from pool {origin.pool!r} ({origin.architecture['name']})"
+    members = {"base": origin.base, **origin.sources}
+    parts = [
+        f"  {name}: {member['file']} ({member['fingerprint'][:12]}), licence: {origin.licences[name]}"
+        for name, member in members.items()
+    ]
+    return [made, *parts, *recipe_lines(origin.recipe)]
+
+
+def recipe_lines(recipe: Recipe) -> list[str]:
+    """A recipe as text: a line a block, weights in the order of its sources."""
+    if not recipe.sources:
+        return ["  recipe: the base itself"]
+    width = max(len(block) for block in recipe.blocks)
+    lines = [f"  recipe over {', '.join(recipe.sources)}:"]
+    for block, row, scale in zip(recipe.blocks, recipe.weights, recipe.scales, strict=True):
+        weights = " ".join(f"{weight:.3f}" for weight in row)
+        lines.append(f"    {block:<{width}}  weights {weights}  scale {scale:.3f}")
+    return lines
+
+
+def _pool(path: Path) -> Description:
+    spec = read_pool_spec(path)
+    members = {m.name: m for m in (spec.base, *spec.sources)}
+    document = {
+        "kind": "pool",
+        "file": str(path),
+        "name": spec.name,
+        "architecture": spec.architecture,
+        "options": dict(spec.options),
+        "members": {
+            name: {"file": str(m.path), "exists": m.path.is_file(), "licence": m.licence, "note": m.note}
+            for name, m in members.items()
+        },
+    }
+    lines = [f"{path}: pool {spec.name!r} of {spec.architecture}, base and {len(spec.sources)} sources"]
+    for name, member in members.items():
+        there = "" if member.path.is_file() else " (missing)"
+        lines.append(f"  {name}: {member.path.name}{there}, licence: {member.licence or 'not stated'}")
+    return Description(document, "\n".join(lines))
+
+
+def _recipe(path: Path) -> Description:
+    recipe = Recipe.from_json(path.read_text(encoding="utf-8", errors="replace"), where=str(path))
+    document = {"kind": "recipe", "file": str(path), "recipe": recipe.as_dict()}
+    return Description(document, "\n".join([f"{path}: recipe", *recipe_lines(recipe)]))
+
+
+def _store(path: Path) -> Description:
+    with EvaluationStore(path) as store:
+        evaluations = list(store)
+    failed = sum(evaluation.failure is not None for evaluation in evaluations)
+    benchmarks = sorted({str(e.description.get("benchmark", ""))[:12] for e in evaluations})
+    document = {
+        "kind": "evaluation store",
+        "file": str(path),
+        "evaluations": len(evaluations),
+        "failed": failed,
+        "seconds": sum(evaluation.seconds for evaluation in evaluations),
+        "benchmarks": benchmarks,
+    }
+    text = (
+        f"{path}: evaluation store, {len(evaluations)} evaluations ({failed} failed) on {len(benchmarks)} "
+        f"benchmarks, {document['seconds']:.1f} s of computing"
+    )
+    return Description(document, text)

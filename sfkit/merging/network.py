@@ -1,0 +1,64 @@
+"""A single network from its file: a merged one knows its architecture, any other is told."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import nn
+
+from sfkit.architectures import InputConvention, architecture
+from sfkit.errors import InputError
+from sfkit.merging.opening import PoolOpener
+from sfkit.merging.saving import read_origin
+from sfkit.merging.skeleton import skeleton
+
+
+@dataclass(frozen=True)
+class LoadedNetwork:
+    """A network ready to run.
+
+    Attributes:
+        network: in evaluation mode, on the CPU unless moved.
+        inputs: how images become its input.
+        name: its architecture's.
+    """
+
+    network: nn.Module
+    inputs: InputConvention
+    name: str
+
+
+def load_network(
+    path: str | Path, *, name: str | None = None, options: Mapping[str, Any] | None = None
+) -> LoadedNetwork:
+    """Load one checkpoint strictly: merged by sfkit, or trained.
+
+    Args:
+        path: the file.
+        name: the architecture, for a file that does not say it.
+        options: the architecture's options; those in the file are the default.
+
+    Raises:
+        InputError: the file cannot be read, does not say its architecture, or does not fit it.
+    """
+    path = Path(path)
+    origin = read_origin(path)
+    if name is None and origin is None:
+        raise InputError(f"{path}: does not say its architecture, name it (--architecture anynet)")
+    entry = architecture(name or str(origin.architecture["name"] if origin else ""))
+    stored = (
+        dict(origin.architecture["options"]) if origin and origin.architecture["name"] == entry.name else {}
+    )
+    chosen = entry.resolve({**stored, **(options or {})})
+    file = PoolOpener(entry, chosen, skeleton(entry, chosen)).read(path, is_base=True)
+    network = entry.build(**chosen)
+    targets = network.state_dict(keep_vars=True)
+    with torch.no_grad():
+        for key, tensor in file.tensors.items():
+            if key in targets:
+                targets[key].copy_(tensor)
+    return LoadedNetwork(network.eval().requires_grad_(requires_grad=False), entry.inputs(chosen), entry.name)
