@@ -38,7 +38,6 @@ PAGE = """<!doctype html>
 <link rel="icon" href="data:,">
 <title>{title}</title>
 <style>{style}</style>
-{plotly}
 </head>
 <body>
 <header>
@@ -48,7 +47,7 @@ PAGE = """<!doctype html>
 <main>
 {body}
 </main>
-<script>{script}</script>
+{drawing}
 </body>
 </html>
 """
@@ -101,14 +100,15 @@ def render_page(notebook: NotebookNode, run: Run) -> str:
     figures = [_as_markup(output.data) for output in outputs if "data" in output]
     body, _ = _exporter().from_notebook_node(shown)
     files = resources.files("sfkit.reports")
+    script = files.joinpath("page.js").read_text(encoding="utf-8")
+    drawing = f"<script>{get_plotlyjs()}</script>\n<script>{script}</script>" if any(figures) else ""
     return PAGE.format(
         policy=CONTENT_POLICY,
         title=html.escape(_title(shown, run)),
         style=_code_style() + files.joinpath("page.css").read_text(encoding="utf-8"),
-        plotly=f"<script>{get_plotlyjs()}</script>" if any(figures) else "",
         summary=_summary(run, failed),
         body=body,
-        script=files.joinpath("page.js").read_text(encoding="utf-8"),
+        drawing=drawing,
     )
 
 

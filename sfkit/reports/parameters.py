@@ -65,7 +65,7 @@ def read_notebook(path: Path) -> NotebookNode:
         nbformat.validate(content)
     except OSError as error:
         raise InputError(f"{path}: the notebook cannot be read ({error.strerror})") from error
-    except (ValueError, KeyError, AttributeError, nbformat.ValidationError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, nbformat.ValidationError) as error:
         reason = str(error).partition("\n")[0]
         raise InputError(f"{path}: not a Jupyter notebook ({reason}), expected notebook JSON") from error
     language = content.metadata.get("kernelspec", {}).get("language", "python")

@@ -14,8 +14,8 @@ CONFTEST = Path(__file__).parents[1] / "conftest.py"
 SKIPPING = {
     "in the test": "import pytest\ndef test_it():\n    pytest.skip('no disk')\n",
     "by mark": "import pytest\n@pytest.mark.skipif(True, reason='no disk')\ndef test_it(): pass\n",
-    "in a fixture": "import pytest\n@pytest.fixture\ndef it(): pytest.skip('no disk')\ndef test_it(it): pass\n",
-    "whole module": "import pytest\npytest.importorskip('no_module', reason='no disk')\ndef test_it(): pass\n",
+    "in a fixture": "import pytest\n@pytest.fixture\ndef a(): pytest.skip('no disk')\ndef test_it(a): ...\n",
+    "whole module": "import pytest\npytest.importorskip('no_module', reason='no disk')\ndef test_it(): ...\n",
 }
 
 
