@@ -1,6 +1,7 @@
 """Architectures: the registry, and the networks that come with sfkit."""
 
 from sfkit.architectures.anynet import AnyNet
+from sfkit.architectures.foundation_stereo import FoundationStereo
 from sfkit.architectures.inputs import InputConvention, PadSides, PreparedPair, Window
 from sfkit.architectures.nmrf import NMRF
 from sfkit.architectures.registry import Architecture, architecture, architectures, register_architecture
@@ -9,6 +10,7 @@ __all__ = [
     "NMRF",
     "AnyNet",
     "Architecture",
+    "FoundationStereo",
     "InputConvention",
     "PadSides",
     "PreparedPair",

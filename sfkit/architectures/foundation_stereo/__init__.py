@@ -1,0 +1,26 @@
+"""FoundationStereo (Wen et al., "FoundationStereo: Zero-Shot Stereo Matching", CVPR 2025), inference.
+
+images ─► monocular (vit, dense_head) ─┐
+       ─► edgenext ─► neck ◄───────────┤
+                       │               ▼
+                       ▼            context
+                  cost_volume          │
+                       ▼               │
+                  aggregation          │
+           (disparity_transformer)     │
+                       ▼               ▼
+                     lookup ──────► update ──► upsampling ──► disparity
+"""
+
+from sfkit.architectures.foundation_stereo.builder import foundation_stereo
+from sfkit.architectures.foundation_stereo.hierarchical import hierarchical_disparity
+from sfkit.architectures.foundation_stereo.network import FoundationStereo, Trace
+from sfkit.architectures.foundation_stereo.options import options_from_config
+
+__all__ = [
+    "FoundationStereo",
+    "Trace",
+    "foundation_stereo",
+    "hierarchical_disparity",
+    "options_from_config",
+]
