@@ -169,6 +169,8 @@ class ImageErrors:
                 for name, r in data["regions"].items()
             }
             thresholds = tuple(map(float, data["thresholds"]))
+            if any(len(r.above) != len(thresholds) for r in regions.values()):
+                raise ValueError("counts that do not match the thresholds")
             return cls(str(data["id"]), thresholds, int(data["nonfinite"]), regions)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(
@@ -233,11 +235,7 @@ def image_errors(
         masks["visible"] = split & known & sample.nonoccluded
         masks["occluded"] = split & known & ~sample.nonoccluded
     nonfinite = int(np.count_nonzero(~np.isfinite(prediction)))
-    regions = {
-        name: _region(prediction[masks[name]], sample.disparity[masks[name]], limits, nonfinite > 0)
-        for name in REGIONS
-        if name in masks
-    }
+    regions = _count(prediction, sample.disparity, masks, limits, nonfinite > 0)
     return ImageErrors(sample.id, limits, nonfinite, regions)
 
 
@@ -248,15 +246,28 @@ def edge_mask(size: tuple[int, int], width: int = EDGE_PIXELS) -> Mask:
     return mask
 
 
-def _region(prediction: Map, truth: Map, limits: tuple[float, ...], broken: bool) -> RegionErrors:
-    pixels = int(truth.size)
+def _count(
+    prediction: Map, truth: Map, masks: Mapping[str, Mask], limits: tuple[float, ...], broken: bool
+) -> dict[str, RegionErrors]:
+    """Sums and counts by region; errors are computed once, for the pixels that lie in any region."""
+    used = np.flatnonzero(np.logical_or.reduce(list(masks.values())))
+    inside = {name: mask.ravel().take(used) for name, mask in masks.items()}
     if broken:
-        return RegionErrors(pixels, math.inf if pixels else 0.0, (pixels,) * len(limits), pixels)
-    true = truth.astype(np.float64)
-    errors = np.abs(prediction.astype(np.float64) - true)
-    above = tuple(int(np.count_nonzero(errors > t)) for t in limits)
-    outliers = int(np.count_nonzero((errors > D1_PIXELS) & (errors > D1_SHARE * true)))
-    return RegionErrors(pixels, float(errors.sum()), above, outliers)
+        sizes = {name: int(np.count_nonzero(flags)) for name, flags in inside.items()}
+        return {n: RegionErrors(k, math.inf if k else 0.0, (k,) * len(limits), k) for n, k in sizes.items()}
+    true = truth.ravel().take(used).astype(np.float64)
+    errors = np.abs(prediction.ravel().take(used).astype(np.float64) - true)
+    above = [errors > limit for limit in limits]
+    outliers = (errors > D1_PIXELS) & (errors > D1_SHARE * true)
+    return {
+        name: RegionErrors(
+            pixels=int(np.count_nonzero(flags)),
+            sum_abs=float(errors[flags].sum()),
+            above=tuple(int(np.count_nonzero(exceeding & flags)) for exceeding in above),
+            d1=int(np.count_nonzero(outliers & flags)),
+        )
+        for name, flags in inside.items()
+    }
 
 
 def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> float:
@@ -270,8 +281,9 @@ def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> floa
         raise InputError(f"{metric}: found no valid pixel, expected ground truth that is finite and positive")
     limits = (metric.threshold,) if metric.kind is Kind.BAD else ()
     broken = not bool(np.isfinite(prediction).all())
-    record = _region(prediction[known], truth[known], limits, broken)
-    return ImageErrors("array", limits, 0, {"all": record}).value(metric)
+    return ImageErrors("array", limits, 0, _count(prediction, truth, {"all": known}, limits, broken)).value(
+        metric
+    )
 
 
 def _expect_shape(what: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:
