@@ -114,7 +114,7 @@ def _progress(stage: str, generation: Generation[Any]) -> None:
     best = generation.best
     score = "none yet" if best is None else f"{best.score:.4f} ({', '.join(best.subset)})"
     counts = generation.counts
-    done = f"{counts.distinct} evaluated, {counts.cached} cached"
+    done = f"{counts.distinct} scored, {counts.cached} of them cached"
     say(f"{stage}, generation {generation.number}: best {score}; {done}")
 
 

@@ -16,6 +16,8 @@ from sfkit.merging.opening import Checked
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
+_ENTRIES = ("recipe", "pool", "architecture", "blocks", "base", "sources", "sfkit")
+
 
 @dataclass(frozen=True)
 class Origin:
@@ -110,14 +112,11 @@ def read_origin(path: str | Path) -> Origin | None:
     if "sfkit.recipe" not in metadata:
         return None
     try:
-        values = {
-            key[6:]: json.loads(text) for key, text in metadata.items() if key.startswith("sfkit.") and text
-        }
+        values = {key: json.loads(metadata[f"sfkit.{key}"]) for key in _ENTRIES}
         recipe = Recipe.from_dict(values["recipe"], where=str(path))
-        rest = {key: values[key] for key in ("pool", "architecture", "blocks", "base", "sources", "sfkit")}
     except (json.JSONDecodeError, KeyError) as error:
         raise InputError(f"{path}: its sfkit metadata is malformed ({error}), was it edited?") from error
-    return Origin(recipe, **rest)
+    return Origin(recipe, **{key: values[key] for key in _ENTRIES if key != "recipe"})
 
 
 def read_recipe(path: str | Path) -> Recipe:
