@@ -12,7 +12,7 @@ from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.measure import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.roots import open_root
-from sfkit.datasets.tables import find_in_table
+from sfkit.datasets.tables import absent_files, find_in_table
 from sfkit.errors import InputError
 
 __all__ = ["PAIRS", "PAIRS_METRIC", "Benchmark", "find_own_pairs", "memory_benchmark", "open_benchmark"]
@@ -95,12 +95,9 @@ def _open_pairs(
 ) -> Benchmark:
     protocol = protocol or PAIRS_PROTOCOL
     metric = metric or default_metric(protocol, PAIRS, PAIRS_METRIC)
-    folder, found = find_own_pairs(root, coding, table)
-    lacking = [file for files in found.missing.values() for file in files]
-    if lacking and (table is not None or Path(root).is_file()):
-        raise InputError(
-            f"{table or root}: found no {', '.join(lacking[:3])}, expected all files under {folder}"
-        )
+    folder, found, absent = find_own_pairs(root, coding, table)
+    if absent:
+        raise InputError(absent)
     if not found.pairs:
         raise InputError(nothing_recognised(folder, found))
     return Benchmark(
@@ -116,18 +113,23 @@ def _open_pairs(
 
 def find_own_pairs(
     root: Path | str, coding: str | None = None, table: Path | str | None = None
-) -> tuple[Path, Found]:
+) -> tuple[Path, Found, str]:
     """The root and the pairs of a folder, or of a CSV file (``table``, or ``root`` itself).
+
+    The third value says which files of a table are absent; it is empty where none is.
 
     Raises:
         InputError: nothing is there, or see :mod:`sfkit.datasets.folders` and :mod:`sfkit.datasets.tables`.
     """
-    if table is None and Path(root).is_file():
-        table, root = root, Path(root).parent
+    root = Path(root).expanduser()
+    if table is None and root.is_file():
+        table, root = root, root.parent
     folder = open_root(root)
     if table is None:
-        return folder, find_in_folders(folder, coding)
-    return folder, find_in_table(Path(table), folder, coding)
+        return folder, find_in_folders(folder, coding), ""
+    table = Path(table).expanduser()
+    found = find_in_table(table, folder, coding)
+    return folder, found, absent_files(table, folder, found)
 
 
 def memory_benchmark(

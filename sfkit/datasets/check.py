@@ -89,8 +89,8 @@ def check_data(
         InputError: an unknown name or resolution, no such folder, or hints and tables that cannot be read.
     """
     if name == PAIRS:
-        folder, found = find_own_pairs(root, coding, table)
-        nothing = "" if found.pairs else nothing_recognised(folder, found)
+        folder, found, absent = find_own_pairs(root, coding, table)
+        nothing = absent if found.pairs or absent else nothing_recognised(folder, found)
         return _report(folder.name, PAIRS, folder, found, None, nothing)
     manifest, folder = load_manifest(name), open_root(root)
     resolution = manifest.resolution(resolution)

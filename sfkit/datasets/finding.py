@@ -52,7 +52,7 @@ def nothing_found(manifest: Manifest, root: Path, resolution: str | None, found:
     """The sentence for a root without one complete pair: what was looked for, what lacks, what to do."""
     if found.missing:
         name, files = next(iter(found.missing.items()))
-        what = f"{len(found.missing)} left images but no complete pair: {name!r} lacks {', '.join(files)}"
+        what = f"no complete pair, left images only: {name!r} lacks {', '.join(files)}"
     else:
         first = _fill(manifest.layouts[0].left, manifest.ids[0], resolution)
         what = f"no pair, expected files such as {first}"

@@ -31,10 +31,10 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True)
 class Metric:
-    """A metric by kind; ``threshold`` in pixels belongs to ``bad``. Lower is better for all of them."""
+    """A metric by kind; ``threshold`` in pixels is that of ``bad``, else 0. Lower is always better."""
 
     kind: Kind
-    threshold: float = math.nan
+    threshold: float = 0.0
 
     @classmethod
     def parse(cls, text: str) -> Metric:
@@ -136,7 +136,7 @@ def rules_for(family: str) -> dict[str, Rule]:
 
 def protocols_without_mask(family: str) -> tuple[str, ...]:
     """The protocols that score a family without an occlusion mask."""
-    return tuple(name for name, rule in rules_for(family).items() if not rule.visible_only)
+    return tuple(name for name, its_rule in rules_for(family).items() if not its_rule.visible_only)
 
 
 def default_metric(protocol: str, family: str, own_metric: str) -> str:

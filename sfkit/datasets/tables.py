@@ -45,6 +45,16 @@ def find_in_table(table: Path, root: Path, coding: str | None = None) -> Found:
     return Found(tuple(sorted(pairs, key=lambda pair: pair.id)), missing)
 
 
+def absent_files(table: Path, root: Path, found: Found) -> str:
+    """The sentence for files that the table names and that are not there; empty where all are."""
+    absent = [file for files in found.missing.values() for file in files]
+    if not absent:
+        return ""
+    return (
+        f"{table}: found no {', '.join(absent[:3])} ({len(absent)} in all), expected every file under {root}"
+    )
+
+
 def _pair(name: str, files: Mapping[str, Path], coding: str | None) -> StereoPair:
     return StereoPair(
         id=name,

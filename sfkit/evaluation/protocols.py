@@ -8,10 +8,11 @@
 | nmrf | d < 512 | Q, d < 1000 | all; > 3 px only |
 | all-valid | all | all | all; D1 |
 
-"All" is every pixel whose ground truth d is finite and positive. What RAFT-Stereo, IGEV-Stereo and
-NMRF print as "D1" on KITTI lacks the 5 % term, so their default metric there is ``bad-3.0``; asking
-for ``d1`` gives KITTI's own definition under every protocol. ``all-valid`` is ours, for folders of
-pairs. Means are over images unless pooled; EPE is the mean over images everywhere.
+"All" is every pixel whose ground truth d is finite and positive. What RAFT-Stereo and IGEV-Stereo
+print as "D1" on KITTI lacks the 5 % term, and NMRF's zero-shot figures there are bad-3.0, so the
+default metric of these three is ``bad-3.0``; asking for ``d1`` gives KITTI's own definition under every
+protocol. ``all-valid`` is ours, for folders of pairs. Means are over images unless pooled; EPE is the
+mean over images everywhere.
 """
 
 from __future__ import annotations

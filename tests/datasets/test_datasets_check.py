@@ -162,3 +162,14 @@ def test_open_benchmark_is_checked_with_its_protocol(sample: Sample) -> None:
         .to_text()
         .startswith("rendered: found 1 pairs")
     )
+
+
+def test_a_table_with_absent_files_is_a_problem(eth3d_root: Path) -> None:
+    row = "two_view_training/{0}/im0.png,two_view_training/{0}/im1.png,two_view_training_gt/{0}/disp0GT.pfm"
+    rows = [row.format(name) for name in ("forest_1s", "terrace_1s")]
+    (eth3d_root / "pairs.csv").write_text("\n".join(["left,right,disparity", *rows]))
+    assert check_data("pairs", eth3d_root / "pairs.csv").ok
+    (eth3d_root / "two_view_training/forest_1s/im1.png").unlink()
+    report = check_data("pairs", eth3d_root / "pairs.csv")
+    assert (report.ok, report.found) == (False, 1)
+    assert "forest_1s/im1.png (1 in all), expected every file under" in report.problems[0]

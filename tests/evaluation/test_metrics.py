@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import copy
 import json
 import math
 from dataclasses import replace
@@ -242,6 +243,8 @@ def test_metric_names() -> None:
     ]
     assert [Metric.parse(t).unit for t in ("bad1", "d1", "epe")] == ["%", "%", "px"]
     assert str(Metric.parse("bad2")) == "bad-2.0"
+    for name in ("bad-1.5", "d1", "epe"):
+        assert copy.deepcopy(Metric.parse(name)) == Metric.parse(name)
 
 
 @pytest.mark.parametrize(
