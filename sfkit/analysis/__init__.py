@@ -1,0 +1,24 @@
+"""Analysis: numbers for people to look at, as frozen records made by functions."""
+
+from sfkit.analysis.costs import StageCost, cost_table, stage_costs
+from sfkit.analysis.disparities import DisparityPanels, disparity_panels
+from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
+from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
+from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
+
+__all__ = [
+    "DisparityPanels",
+    "PopulationHistory",
+    "RoutingTrace",
+    "ScoreGrid",
+    "StageCost",
+    "contenders",
+    "cost_table",
+    "disparity_panels",
+    "population_history",
+    "routing_trace",
+    "score_grid",
+    "stage_costs",
+    "watched_population",
+    "watched_routing",
+]

@@ -1,0 +1,25 @@
+"""Figures: plotly pictures of records that :mod:`sfkit.analysis` made; nothing is computed here.
+
+Every function takes ``theme="light"``, ``"dark"`` or ``"auto"``: transparent backgrounds, and colours
+that read on a light page, a dark one, or both.
+"""
+
+from sfkit.figures.costs import cost_figure
+from sfkit.figures.disparities import disparity_figure
+from sfkit.figures.distributions import cmaes_figure
+from sfkit.figures.populations import population_figure
+from sfkit.figures.routings import routing_figure, scales_figure
+from sfkit.figures.scores import scores_figure
+from sfkit.figures.theme import Theme, template
+
+__all__ = [
+    "Theme",
+    "cmaes_figure",
+    "cost_figure",
+    "disparity_figure",
+    "population_figure",
+    "routing_figure",
+    "scales_figure",
+    "scores_figure",
+    "template",
+]

@@ -1,0 +1,150 @@
+"""Disparity and error maps of several recipes on one pair, for figures to draw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.measure import Kind, Metric
+from sfkit.errors import InputError
+from sfkit.evaluation.engines import Worker
+from sfkit.evaluation.metrics import thresholds_for
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+Map = NDArray[np.float32]
+
+DEFAULT_THRESHOLD = 1.0
+"""Pixels; where an error map changes colour when the metric names no threshold (EPE)."""
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkMaps:
+    """One network on the pair.
+
+    Attributes:
+        name: for the panel's title.
+        disparity: (H, W) float32 prediction in pixels; may hold values that are not finite.
+        error: (H, W) float32 |prediction - ground truth| in pixels, NaN where the protocol counts no
+            pixel, ``inf`` where the prediction is not finite.
+        scores: metric -> score on this pair.
+    """
+
+    name: str
+    disparity: Map
+    error: Map
+    scores: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class DisparityPanels:
+    """What a disparity figure draws.
+
+    Attributes:
+        benchmark: its name and protocol, for the title.
+        protocol: which pixels count.
+        pair: the pair's id.
+        left: (H, W, 3) RGB uint8.
+        truth: (H, W) float32 pixels, NaN where there is no ground truth that counts.
+        networks: the maps, in the order of the recipes.
+        limits: lowest and highest disparity of the shared colour range, in pixels.
+        threshold: the error in pixels where an error map changes colour: that of the first bad-t metric,
+            3 for D1, else 1.
+    """
+
+    benchmark: str
+    protocol: str
+    pair: str
+    left: NDArray[np.uint8]
+    truth: Map
+    networks: tuple[NetworkMaps, ...]
+    limits: tuple[float, float]
+    threshold: float
+
+
+def disparity_panels(
+    pool: Pool,
+    recipes: Mapping[str, Recipe],
+    benchmark: Benchmark,
+    *,
+    pair: str | None = None,
+    metrics: Sequence[str] = (),
+    device: str = "cpu",
+) -> DisparityPanels:
+    """Run recipes on one pair of a benchmark.
+
+    Args:
+        pool: the recipes' pool.
+        recipes: panel name -> recipe, at least one.
+        benchmark: gives pair, protocol and metric.
+        pair: an id; the first pair unless given.
+        metrics: scores to show; the benchmark's own unless given.
+        device: where networks run.
+
+    Raises:
+        InputError: no recipe, an unknown pair or metric, or a pair that cannot be scored.
+    """
+    if not recipes:
+        raise InputError("recipes: found none, expected name -> recipe of at least one network to show")
+    one = benchmark.select([pair or benchmark.ids[0]])
+    shown = [Metric.parse(name) for name in (metrics or (benchmark.metric,))]
+    inputs = pool.architecture.inputs(pool.options)
+    prepared = PreparedBenchmark(one, inputs, thresholds_for(*shown))
+    worker = Worker(pool.merge(pool.base_recipe(), device=device), prepared)
+    sample = prepared.samples[0]
+    counted = prepared.rule.valid_mask(sample, one.family)
+    truth = np.where(counted, sample.disparity, np.float32(np.nan))
+    networks = tuple(_maps(worker, name, recipe, truth, shown) for name, recipe in recipes.items())
+    return DisparityPanels(
+        benchmark=one.name,
+        protocol=one.protocol,
+        pair=sample.id,
+        left=sample.left,
+        truth=truth,
+        networks=networks,
+        limits=disparity_limits(truth),
+        threshold=_threshold(shown),
+    )
+
+
+def disparity_limits(truth: Map) -> tuple[float, float]:
+    """A colour range for one pair: the 1st and 99th percentile of its ground truth, in pixels.
+
+    The range is rounded outwards to whole pixels and is at least one pixel wide.
+
+    Raises:
+        InputError: no ground truth at all.
+    """
+    known = truth[np.isfinite(truth)]
+    if known.size == 0:
+        raise InputError("ground truth: found no valid pixel, expected at least one to set a colour range")
+    low, high = np.percentile(known, [1.0, 99.0])
+    bottom = math.floor(low)
+    return float(bottom), float(max(math.ceil(high), bottom + 1))
+
+
+def error_map(prediction: Map, truth: Map) -> Map:
+    """|prediction - truth| (H, W) in pixels: NaN without ground truth, inf without a finite prediction."""
+    finite = np.where(np.isfinite(prediction), prediction, np.float32(np.inf))
+    return np.asarray(np.abs(finite - truth), dtype=np.float32)
+
+
+def _maps(worker: Worker, name: str, recipe: Recipe, truth: Map, metrics: Sequence[Metric]) -> NetworkMaps:
+    worker.model.apply(recipe)
+    prediction = worker.predict(0)
+    record = worker.benchmark.errors(worker.benchmark.samples[0], prediction)
+    scores = {metric.name: record.value(metric) for metric in metrics}
+    return NetworkMaps(name, prediction, error_map(prediction, truth), scores)
+
+
+def _threshold(metrics: Sequence[Metric]) -> float:
+    for metric in metrics:
+        if metric.kind is Kind.BAD:
+            return metric.threshold
+    return 3.0 if any(metric.kind is Kind.D1 for metric in metrics) else DEFAULT_THRESHOLD

@@ -1,0 +1,155 @@
+"""Stage 2 in numbers: scores, routing weights, module scales and the search distribution by evaluation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.analysis.thinning import LIMIT, drawn_points
+from sfkit.errors import InputError
+from sfkit.search.journal import last_run
+from sfkit.search.routing import RoutingSearch
+
+Floats = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class RoutingTrace:
+    """What the figures of Stage 2 draw; n evaluations, B blocks, E sources, D dimensions.
+
+    Attributes:
+        sources: the E names.
+        blocks: the B names, in the partition's order.
+        gamma: lowest and highest module scale the search allows.
+        metric: of the scores, such as ``bad-1.0``; None where it is not known.
+        generation: (n,) the iteration of CMA-ES that made each evaluation; 0 is x = 0 and the start.
+        score: (n,) the validation metric; ``inf`` where the candidate failed.
+        penalised: (n,) score plus entropy penalty, what the search minimises; ``inf`` where it failed.
+        weights: (n, B, E) routing weights, rows on the simplex.
+        scales: (n, B) module scales.
+        sigma: (n,) step size of the distribution each was drawn from.
+        axes: (n, D) standard deviations along its principal axes, ascending.
+    """
+
+    sources: tuple[str, ...]
+    blocks: tuple[str, ...]
+    gamma: tuple[float, float]
+    metric: str | None
+    generation: Whole
+    score: Floats
+    penalised: Floats
+    weights: Floats
+    scales: Floats
+    sigma: Floats
+    axes: Floats
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+    @property
+    def tied(self) -> bool:
+        """True where in every recipe all blocks share one row of weights."""
+        return bool((self.weights == self.weights[:, :1]).all())
+
+    @cached_property
+    def incumbent(self) -> Whole:
+        """(n,) number of the best evaluation up to each one, ties to the earlier; -1 where all failed."""
+        best, held = math.inf, -1
+        numbers = np.empty(len(self), dtype=np.int64)
+        for number, value in enumerate(self.penalised):
+            if value < best:
+                best, held = float(value), number
+            numbers[number] = held
+        return numbers
+
+    @property
+    def best(self) -> int:
+        """Number of the best evaluation; -1 where all failed."""
+        return int(self.incumbent[-1])
+
+    def drawn(self, limit: int = LIMIT) -> Whole:
+        """Numbers of at most ``limit`` evaluations to draw: new incumbents and an even choice."""
+        changes = np.flatnonzero(np.diff(self.incumbent, prepend=-1))
+        return drawn_points(len(self), changes.tolist(), limit)
+
+    def iterations(self, limit: int = LIMIT) -> Whole:
+        """Numbers of the first evaluations of at most ``limit`` generations."""
+        first = np.flatnonzero(np.diff(self.generation, prepend=-1))
+        return np.asarray(first[drawn_points(len(first), limit=limit)], dtype=np.int64)
+
+
+def routing_trace(search: RoutingSearch, *, metric: str | None = None) -> RoutingTrace:
+    """The record of a running or finished Stage 2 search.
+
+    Args:
+        search: has finished at least x = 0.
+        metric: what the scores are, for labels.
+
+    Raises:
+        InputError: nothing is finished yet.
+    """
+    candidates = search.state.candidates
+    if not candidates:
+        raise InputError("routing search: found no evaluation yet, expected at least one: call step() first")
+    gamma = (float(search.settings.gamma[0]), float(search.settings.gamma[1]))
+    return RoutingTrace(
+        sources=search.sources,
+        blocks=search.blocks,
+        gamma=gamma,
+        metric=metric,
+        generation=np.array([c.generation for c in candidates], dtype=np.int64),
+        score=np.array([c.score for c in candidates]),
+        penalised=np.array([c.fitness for c in candidates]),
+        weights=np.array([c.recipe.weights for c in candidates]),
+        scales=np.array([c.recipe.scales for c in candidates]),
+        sigma=np.array([c.sigma for c in candidates]),
+        axes=np.array([c.axes for c in candidates]),
+    )
+
+
+def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None = None) -> RoutingTrace:
+    """The record of a Stage 2 search that runs elsewhere, from its journal.
+
+    Args:
+        records: what :func:`~sfkit.search.journal.read_journal` returned.
+        metric: what the scores are, for labels.
+
+    Raises:
+        InputError: the journal holds no generation of Stage 2.
+    """
+    run = last_run((dict(record) for record in records), "routing")
+    finished = [record for record in run if record["event"] == "generation"]
+    if not finished:
+        raise InputError(
+            "journal: found no generation of a routing search, expected at least one: run the search first"
+        )
+    start = next(record for record in run if record["event"] == "start")
+    entries = [entry for record in finished for entry in record["candidates"]]
+    gamma = start["settings"]["gamma"]
+    return RoutingTrace(
+        sources=tuple(start["sources"]),
+        blocks=tuple(start["blocks"]),
+        gamma=(float(gamma[0]), float(gamma[1])),
+        metric=metric,
+        generation=np.array([entry["generation"] for entry in entries], dtype=np.int64),
+        score=_scores(entries, "score"),
+        penalised=_scores(entries, "penalised"),
+        weights=np.array([entry["weights"] for entry in entries], dtype=np.float64),
+        scales=np.array([entry["scales"] for entry in entries], dtype=np.float64),
+        sigma=np.array([entry["sigma"] for entry in entries], dtype=np.float64),
+        axes=np.array(
+            [record["distribution"]["axes"] for record in finished for _ in record["candidates"]],
+            dtype=np.float64,
+        ),
+    )
+
+
+def _scores(entries: Sequence[Mapping[str, Any]], key: str) -> Floats:
+    return np.array([math.inf if entry[key] is None else entry[key] for entry in entries], dtype=np.float64)

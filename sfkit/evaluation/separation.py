@@ -1,0 +1,112 @@
+"""Validation and test kept apart: a benchmark that guided a search is no test of what it found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.digests import file_digest
+from sfkit.datasets.pairs import Pair, StereoPair
+from sfkit.errors import InputError
+
+
+@dataclass(frozen=True)
+class Separation:
+    """How validation and reported benchmarks relate.
+
+    Attributes:
+        validation: names of the benchmarks that guide the search.
+        shared: reported benchmark -> ids of its pairs that the search sees as well; empty where the two
+            are apart.
+        columns: what a table shows: the validation benchmarks, then the reported ones, each set of pairs
+            under one protocol once.
+    """
+
+    validation: tuple[str, ...]
+    shared: Mapping[str, tuple[str, ...]]
+    columns: tuple[Benchmark, ...]
+
+    @property
+    def clean(self) -> bool:
+        """True where no reported pair was seen by the search."""
+        return not self.shared
+
+    @property
+    def guided(self) -> tuple[str, ...]:
+        """Names of all columns that are no test: to be marked in tables."""
+        return tuple(dict.fromkeys((*self.validation, *self.shared)))
+
+    def __str__(self) -> str:
+        guide = " and ".join(self.validation)
+        if self.clean:
+            return f"The search sees {guide} only; no pair of it is in the benchmarks reported as a test."
+        seen = "; ".join(f"{name} ({', '.join(ids)})" for name, ids in self.shared.items())
+        return (
+            f"The search was guided by pairs that are also reported: {seen}. "
+            "Scores marked * are validation scores, not a test."
+        )
+
+
+def check_separation(
+    validation: Benchmark | Sequence[Benchmark],
+    reported: Sequence[Benchmark],
+    *,
+    allow: bool = False,
+) -> Separation:
+    """Compare the pairs a search would see with those a report would test on.
+
+    Two pairs are one where their fingerprints agree or their left images are the same file, whatever
+    they are called and however their ground truth is coded. Images that were re-coded are not recognised.
+
+    Args:
+        validation: what guides the search.
+        reported: what its result is tested on.
+        allow: the explicit word: let pairs be in both, and say so.
+
+    Raises:
+        InputError: pairs are in both and ``allow`` is False, or two different benchmarks have one name.
+    """
+    guides = (validation,) if isinstance(validation, Benchmark) else tuple(validation)
+    seen = {identity for guide in guides for pair in guide.pairs for identity in _identities(pair)}
+    shared: dict[str, tuple[str, ...]] = {}
+    for benchmark in reported:
+        both = tuple(pair.id for pair in benchmark.pairs if seen & _identities(pair))
+        if both:
+            shared[benchmark.name] = both
+    if shared and not allow:
+        name, ids = next(iter(shared.items()))
+        raise InputError(
+            f"benchmark {name!r}: found {_listed(ids)} among the pairs that guide the search, expected pairs "
+            "it never sees: report on others, or allow it (allow_validation_in_report=True in a notebook), "
+            "and the report says so"
+        )
+    return Separation(tuple(guide.name for guide in guides), shared, _columns((*guides, *reported)))
+
+
+def _identities(pair: Pair) -> set[str]:
+    identities = {pair.fingerprint()}
+    if isinstance(pair, StereoPair):
+        identities.add(file_digest(pair.left))
+    return identities
+
+
+def _columns(benchmarks: Iterable[Benchmark]) -> tuple[Benchmark, ...]:
+    columns: dict[str, Benchmark] = {}
+    for benchmark in benchmarks:
+        known = columns.setdefault(benchmark.name, benchmark)
+        if known is not benchmark and _content(known) != _content(benchmark):
+            raise InputError(
+                f"benchmark {benchmark.name!r}: found two of this name with other pairs or another protocol, "
+                "expected a name for each: choose one protocol for both, or rename a folder of pairs"
+            )
+    return tuple(columns.values())
+
+
+def _content(benchmark: Benchmark) -> tuple[str, str]:
+    return benchmark.fingerprint(), benchmark.protocol
+
+
+def _listed(ids: Sequence[str]) -> str:
+    more = f" and {len(ids) - 3} more" if len(ids) > 3 else ""
+    return ", ".join(ids[:3]) + more

@@ -1,0 +1,29 @@
+"""Where marks and ticks go that plotly does not place by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+FAILED_NAME = "failed (no score)"
+
+
+def beyond(scores: Iterable[float]) -> float:
+    """Where to mark what has no score: past the worst finite one, so that it is not read as one."""
+    finite = [score for score in scores if math.isfinite(score)]
+    if not finite:
+        return 1.0
+    span = max(finite) - min(finite) or abs(max(finite)) or 1.0
+    return max(finite) + 0.06 * span
+
+
+def log_ticks(values: Iterable[float]) -> list[float]:
+    """1, 2 and 5 times powers of ten around the positive values; their ends where that gives too few."""
+    positive = [value for value in values if 0.0 < value < math.inf]
+    if not positive:
+        return []
+    low, high = min(positive) * 0.8, max(positive) * 1.25
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    ticks = (digit * 10.0**decade for decade in decades for digit in (1, 2, 5))
+    round_ones = [tick for tick in ticks if low <= tick <= high]
+    return round_ones if len(round_ones) > 1 else sorted({min(positive), max(positive)})

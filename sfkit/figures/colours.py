@@ -1,0 +1,137 @@
+"""Colour maps for colour-blind eyes, and how maps of pixels are painted with them."""
+
+from __future__ import annotations
+
+import base64
+from typing import TypeVar
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Value = TypeVar("Value", bound=np.generic)
+Stops = tuple[tuple[int, int, int], ...]
+
+DISPARITY: Stops = (
+    (68, 1, 84),
+    (72, 40, 120),
+    (62, 74, 137),
+    (49, 104, 142),
+    (38, 130, 142),
+    (31, 158, 137),
+    (53, 183, 121),
+    (110, 206, 88),
+    (181, 222, 43),
+    (253, 231, 37),
+)
+"""Far (low) to near (high): viridis, which is even in lightness and reads without red and green."""
+
+ERROR: Stops = (
+    (11, 61, 122),
+    (46, 111, 176),
+    (132, 182, 222),
+    (242, 242, 242),
+    (247, 171, 104),
+    (214, 99, 26),
+    (122, 44, 0),
+)
+"""Right (blue) to wrong (orange), light where the error equals the threshold."""
+
+SHARE: Stops = (
+    (0, 34, 78),
+    (53, 69, 108),
+    (102, 105, 112),
+    (149, 143, 120),
+    (202, 186, 106),
+    (254, 232, 56),
+)
+"""None (low) to all (high): cividis."""
+
+ERROR_SPAN = 3.0
+"""An error map runs from 2^-3 to 2^3 times its threshold."""
+
+_HATCH = ((118, 118, 118), (158, 158, 158))
+_HATCH_PERIOD = 8
+
+
+def plotly_scale(stops: Stops) -> list[list[float | str]]:
+    """The colour map as plotly writes it."""
+    last = len(stops) - 1
+    return [[i / last, f"rgb({r},{g},{b})"] for i, (r, g, b) in enumerate(stops)]
+
+
+def lookup(stops: Stops) -> NDArray[np.uint8]:
+    """The colour map as (256, 3) RGB uint8."""
+    at = np.linspace(0.0, len(stops) - 1.0, 256)
+    channels = [np.interp(at, np.arange(len(stops)), channel) for channel in zip(*stops, strict=True)]
+    return np.stack(channels, axis=1).round().astype(np.uint8)
+
+
+def colour_at(stops: Stops, position: float) -> tuple[int, int, int]:
+    """The RGB colour at ``position`` in [0, 1]."""
+    red, green, blue = lookup(stops)[round(255 * min(max(position, 0.0), 1.0))]
+    return int(red), int(green), int(blue)
+
+
+def text_on(colour: tuple[int, int, int]) -> str:
+    """Black or white, whichever reads better on an RGB colour (WCAG contrast)."""
+    red, green, blue = (_linear(value / 255.0) for value in colour)
+    luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    return "#000000" if (luminance + 0.05) ** 2 > 0.05 * 1.05 else "#ffffff"
+
+
+def error_position(error: NDArray[np.floating], threshold: float) -> NDArray[np.float64]:
+    """Errors in pixels on the log2 scale of :data:`ERROR`: 0 at the threshold, clipped to its ends."""
+    ratio = np.maximum(np.asarray(error, dtype=np.float64) / threshold, 2.0**-ERROR_SPAN)
+    return np.asarray(np.clip(np.log2(ratio), -ERROR_SPAN, ERROR_SPAN))
+
+
+def paint(values: NDArray[np.floating], limits: tuple[float, float], stops: Stops) -> NDArray[np.uint8]:
+    """A map (H, W) as RGB uint8 (H, W, 3).
+
+    Values beyond the limits take the colours of the ends; NaN, which is no value, is a grey hatch that no
+    colour map has, and never the colour of 0.
+    """
+    low, high = limits
+    known = ~np.isnan(values)
+    position = np.clip((np.where(known, values, low) - low) / (high - low), 0.0, 1.0)
+    painted = lookup(stops)[np.rint(position * 255).astype(np.uint8)]
+    return np.where(known[..., None], painted, hatch(values.shape[0], values.shape[1]))
+
+
+def hatch(height: int, width: int) -> NDArray[np.uint8]:
+    """(H, W, 3) RGB uint8 of diagonal grey stripes: no value here."""
+    rows, columns = np.indices((height, width))
+    stripe = (rows + columns) % _HATCH_PERIOD < _HATCH_PERIOD // 2
+    dark, light = (np.array(colour, np.uint8) for colour in _HATCH)
+    return np.where(stripe[..., None], dark, light)
+
+
+def picked(values: NDArray[Value], longest: int) -> NDArray[Value]:
+    """Every k-th pixel of a map (H, W), so that its longest side has at most ``longest`` pixels.
+
+    Pixels are picked, not averaged: invalid ones would otherwise bleed into their neighbours.
+    """
+    step = -(-max(values.shape) // longest)
+    return values[::step, ::step]
+
+
+def averaged(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
+    """An RGB photograph (H, W, 3), averaged down so that its longest side has at most ``longest`` pixels."""
+    step = -(-max(image.shape[:2]) // longest)
+    size = (-(-image.shape[1] // step), -(-image.shape[0] // step))
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+
+
+def embedded(image: NDArray[np.uint8], *, photograph: bool = False) -> str:
+    """An RGB image (H, W, 3) as a data URI: PNG, or JPEG for photographs."""
+    suffix, options = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 88]) if photograph else (".png", [])
+    done, data = cv2.imencode(suffix, np.ascontiguousarray(image[..., ::-1]), options)
+    if not done:
+        raise ValueError(f"an image of {image.shape} cannot be coded as {suffix}")
+    kind = "jpeg" if photograph else "png"
+    return f"data:image/{kind};base64,{base64.b64encode(np.asarray(data).tobytes()).decode()}"
+
+
+def _linear(value: float) -> float:
+    return value / 12.92 if value <= 0.04045 else float(((value + 0.055) / 1.055) ** 2.4)

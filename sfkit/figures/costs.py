@@ -1,0 +1,55 @@
+"""What did it cost? Evaluations and seconds, stage by stage."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from sfkit.analysis.costs import StageCost
+from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
+
+
+def cost_figure(costs: Sequence[StageCost], *, theme: str = "auto", height: int | None = None) -> go.Figure:
+    """Draw evaluations and seconds of each stage as bars, split by what was computed and what was not.
+
+    Args:
+        costs: from :func:`~sfkit.analysis.costs.stage_costs`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        height: of the figure in pixels; by the number of stages unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.06)
+    stages = [cost.stage for cost in costs]
+    muted = LOOKS[read_theme(theme)].muted
+    parts = (
+        ("computed", ACCENT, [c.computed for c in costs], [c.seconds for c in costs]),
+        ("from the store", WARM, [c.cached for c in costs], [c.seconds_saved for c in costs]),
+        ("repeated, not evaluated", muted, [c.repeated for c in costs], None),
+    )
+    for name, colour, evaluations, seconds in parts:
+        bar: dict[str, Any] = {"y": stages, "orientation": "h", "name": name, "legendgroup": name}
+        bar["marker"] = {"color": colour, "line": {"width": 0}}
+        hover = f"%{{y}}: %{{x:,}} {name}<extra></extra>"
+        figure.add_trace(go.Bar(x=evaluations, hovertemplate=hover, **bar), row=1, col=1)
+        if seconds is not None:
+            hover = f"%{{y}}: %{{x:.1f}} s {name}<extra></extra>"
+            figure.add_trace(go.Bar(x=seconds, hovertemplate=hover, showlegend=False, **bar), row=1, col=2)
+    figure.update_yaxes(type="category", autorange="reversed")
+    figure.update_yaxes(title_text="stage", row=1, col=1)
+    figure.update_xaxes(title_text="candidates (number)", row=1, col=1)
+    figure.update_xaxes(title_text="evaluation time (s)", row=1, col=2)
+    spent, saved = sum(c.seconds for c in costs), sum(c.seconds_saved for c in costs)
+    return finish(
+        figure,
+        theme=theme,
+        title="What did the search cost?",
+        subtitle=f"{sum(c.computed for c in costs):,} evaluations computed in {spent:,.1f} s; "
+        f"the store saved {saved:,.1f} s",
+        height=height or 36 * len(costs) + 230,
+        barmode="stack",
+    )

@@ -1,0 +1,188 @@
+"""Stage 1: which sources does the population settle on?
+
+Two rows share their columns. Columns: the sources on the left, the score on the right. Rows: the
+generations above, time running down, and below them the individuals of one generation, best first. So a
+source is followed down one column, from how often it was chosen over time to who has it now.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from sfkit.analysis.labels import metric_label, score_text
+from sfkit.analysis.populations import Individual, PopulationHistory
+from sfkit.analysis.thinning import drawn_points
+from sfkit.figures.axes import FAILED_NAME, beyond
+from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
+
+MIN_PANEL, SPACING = 150, 0.04
+"""Least height of a row of panels in pixels, and the part of the height between the two."""
+
+
+def population_figure(
+    history: PopulationHistory, *, theme: str = "auto", individuals: int = 60, height: int | None = None
+) -> go.Figure:
+    """Draw a population and how it came about.
+
+    Args:
+        history: from :func:`~sfkit.analysis.populations.population_history`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        individuals: how many of the generation to list, best first; the subtitle says where some are not.
+        height: of the figure in pixels; by the number of rows unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    shown = history.individuals[:individuals]
+    upper = max(MIN_PANEL, 18 * min(history.generations, 20))
+    lower = max(MIN_PANEL, 12 * len(shown))
+    figure = make_subplots(
+        rows=2,
+        cols=2,
+        column_widths=[0.62, 0.38],
+        row_heights=[upper, lower],
+        horizontal_spacing=0.03,
+        vertical_spacing=SPACING,
+        shared_xaxes=True,
+        shared_yaxes=True,
+    )
+    _share_over_time(figure, history, upper / (upper + lower))
+    _score_over_time(figure, history)
+    _membership(figure, history, shown, theme)
+    _scores(figure, history, shown)
+    _axes(figure, history, len(shown))
+    return finish(
+        figure,
+        theme=theme,
+        title="Which sources does the population settle on?",
+        subtitle=_answer(history, len(shown)),
+        height=height or round((upper + lower) / (1.0 - SPACING)) + 180,
+    )
+
+
+def _share_over_time(figure: go.Figure, history: PopulationHistory, part: float) -> None:
+    rows = drawn_points(history.generations).tolist()
+    figure.add_trace(
+        go.Heatmap(
+            x=list(history.sources),
+            y=rows,
+            z=[[100.0 * share for share in history.share[row]] for row in rows],
+            zmin=0,
+            zmax=100,
+            colorscale=[[0, "rgba(43,123,211,0.08)"], [1, ACCENT]],
+            xgap=2,
+            ygap=1,
+            colorbar={
+                "title": {"text": "have the source (%)", "side": "right"},
+                "thickness": 12,
+                "len": part,
+                "y": 1.0,
+                "yanchor": "top",
+                "outlinewidth": 0,
+            },
+            name="share",
+            hovertemplate="generation %{y}<br>%{x}: %{z:.0f} % of the individuals<extra></extra>",
+        ),
+        row=1,
+        col=1,
+    )
+
+
+def _score_over_time(figure: go.Figure, history: PopulationHistory) -> None:
+    lines = (
+        ("best so far", history.best, {"color": ACCENT, "width": 2}),
+        ("median of the population", history.median, {"color": WARM, "width": 2, "dash": "dash"}),
+    )
+    for name, scores, line in lines:
+        rows = [row for row in drawn_points(len(scores)).tolist() if math.isfinite(scores[row])]
+        figure.add_trace(
+            go.Scatter(
+                x=[scores[row] for row in rows],
+                y=rows,
+                mode="lines+markers",
+                marker={"size": 5, "color": line["color"]},
+                line=line,
+                name=name,
+                hovertemplate="generation %{y}: %{x:.3f}<extra>" + name + "</extra>",
+            ),
+            row=1,
+            col=2,
+        )
+
+
+def _membership(
+    figure: go.Figure, history: PopulationHistory, shown: Sequence[Individual], theme: str
+) -> None:
+    faint = LOOKS[read_theme(theme)].faint
+    figure.add_trace(
+        go.Heatmap(
+            x=list(history.sources),
+            y=list(range(1, len(shown) + 1)),
+            z=[[int(name in one.subset) for name in history.sources] for one in shown],
+            zmin=0,
+            zmax=1,
+            colorscale=[[0, faint], [1, ACCENT]],
+            showscale=False,
+            xgap=2,
+            ygap=1,
+            name="membership",
+            text=[[_described(one, history.metric)] * len(history.sources) for one in shown],
+            hovertemplate="%{text}<extra></extra>",
+        ),
+        row=2,
+        col=1,
+    )
+
+
+def _scores(figure: go.Figure, history: PopulationHistory, shown: Sequence[Individual]) -> None:
+    """Scores as dots; failed individuals as crosses beyond the worst score."""
+    scored = [(rank, one) for rank, one in enumerate(shown, start=1) if not one.failed]
+    failed = [(rank, one) for rank, one in enumerate(shown, start=1) if one.failed]
+    edge = beyond([*(one.score for _, one in scored), *history.median])
+    for name, group, marker in (
+        ("individual", scored, {"symbol": "circle", "size": 7, "color": ACCENT}),
+        (FAILED_NAME, failed, {"symbol": "x", "size": 8, "color": FAILED}),
+    ):
+        if group:
+            figure.add_trace(
+                go.Scatter(
+                    x=[edge if one.failed else one.score for _, one in group],
+                    y=[rank for rank, _ in group],
+                    mode="markers",
+                    marker=marker,
+                    name=name,
+                    text=[_described(one, history.metric) for _, one in group],
+                    hovertemplate="%{text}<extra></extra>",
+                ),
+                row=2,
+                col=2,
+            )
+
+
+def _axes(figure: go.Figure, history: PopulationHistory, shown: int) -> None:
+    figure.update_xaxes(type="category", showgrid=False, col=1)
+    figure.update_xaxes(title_text="source", row=2, col=1)
+    figure.update_xaxes(matches="x4", row=1, col=2)
+    figure.update_xaxes(title_text=metric_label(history.metric), row=2, col=2)
+    figure.update_yaxes(tickformat="d", showgrid=False)
+    time, ranks = [history.generations - 0.5, -0.5], [shown + 0.5, 0.5]
+    figure.update_yaxes(title_text="generation (number)", range=time, row=1, col=1)
+    figure.update_yaxes(title_text="individual (rank)", range=ranks, row=2, col=1)
+
+
+def _answer(history: PopulationHistory, shown: int) -> str:
+    first = history.individuals[0]
+    if first.failed:
+        return f"generation {history.generation}: no individual has a score"
+    text = f"generation {history.generation}: {_described(first, history.metric)} leads"
+    total = len(history.individuals)
+    return text if shown == total else f"{text}; the best {shown} of {total} individuals"
+
+
+def _described(one: Individual, metric: str | None) -> str:
+    score = "failed" if one.failed else score_text(metric, one.score)
+    return f"{{{', '.join(one.subset)}}} with {score}"
