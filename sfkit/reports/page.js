@@ -2,40 +2,42 @@
   "use strict";
 
   const dark = window.matchMedia("(prefers-color-scheme: dark)");
-  const INK = "#e6edf3";
-  const PAPER = "#14181d";
-  const LINES = { gridcolor: "#3d444d", linecolor: "#59636e", zerolinecolor: "#59636e", tickcolor: "#59636e" };
+  const LOOKS = {
+    light: { ink: "#1f2328", paper: "#ffffff", grid: "#d1d9e0", line: "#9198a1" },
+    dark: { ink: "#e6edf3", paper: "#14181d", grid: "#3d444d", line: "#59636e" },
+  };
 
   /**
-   * The layout for a dark page: dark paper and light ink replace the figure's own, since one without the
-   * other cannot be read; lines change in the template only, so that lines the author chose stay.
+   * A figure's layout on this page: the page's paper and ink replace the figure's own, since one without the
+   * other may be unreadable; lines change in the template only, so that lines the author chose stay.
    *
    * @param {object} layout a plotly layout; not changed
+   * @param {{ink: string, paper: string, grid: string, line: string}} look the page's colours
    * @returns {object} a layout of the same figure
    */
-  function darkened(layout) {
+  function onPage(layout, look) {
     const template = layout.template ?? {};
-    const look = { ...(template.layout ?? {}) };
-    for (const axis of ["xaxis", "yaxis"]) {
-      look[axis] = { ...look[axis], ...LINES };
-    }
-    look.polar = {
-      ...look.polar,
-      bgcolor: PAPER,
-      angularaxis: { ...look.polar?.angularaxis, ...LINES },
-      radialaxis: { ...look.polar?.radialaxis, ...LINES },
-    };
-    const scene = {};
-    for (const axis of ["xaxis", "yaxis", "zaxis"]) {
-      scene[axis] = { ...look.scene?.[axis], ...LINES, backgroundcolor: PAPER };
-    }
-    look.scene = { ...look.scene, ...scene };
+    const base = template.layout ?? {};
+    const lines = { gridcolor: look.grid, linecolor: look.line, zerolinecolor: look.line, tickcolor: look.line };
+    /** The named axes of a part of the layout, with the page's lines. */
+    const relined = (part, axes, more = {}) => ({
+      ...part,
+      ...Object.fromEntries(axes.map((axis) => [axis, { ...part?.[axis], ...lines, ...more }])),
+    });
     return {
       ...layout,
-      template: { ...template, layout: look },
-      paper_bgcolor: PAPER,
-      plot_bgcolor: PAPER,
-      font: { ...layout.font, color: INK },
+      template: {
+        ...template,
+        layout: {
+          ...relined(base, ["xaxis", "yaxis"]),
+          polar: { ...relined(base.polar, ["angularaxis", "radialaxis"]), bgcolor: look.paper },
+          scene: relined(base.scene, ["xaxis", "yaxis", "zaxis"], { backgroundcolor: look.paper }),
+        },
+      },
+      font: { ...layout.font, color: look.ink },
+      height: layout.height ?? 450,
+      paper_bgcolor: look.paper,
+      plot_bgcolor: look.paper,
     };
   }
 
@@ -43,11 +45,10 @@
   function draw() {
     for (const holder of document.querySelectorAll(".figure")) {
       const figure = JSON.parse(holder.querySelector("script").textContent);
-      const layout = dark.matches ? darkened(figure.layout ?? {}) : (figure.layout ?? {});
       Plotly.newPlot(holder.querySelector(".plot"), {
         data: figure.data,
         frames: figure.frames ?? [],
-        layout: { ...layout, height: layout.height ?? 450 },
+        layout: onPage(figure.layout ?? {}, dark.matches ? LOOKS.dark : LOOKS.light),
         config: { responsive: true, displaylogo: false },
       });
     }

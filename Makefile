@@ -1,0 +1,46 @@
+# The tasks of this repository; `make help` lists them.
+
+PYTHON ?= python3
+# Test processes: the tests are independent of each other.
+JOBS ?= 2
+# More for pytest, for instance: make test PYTEST="-k pool"
+PYTEST ?=
+
+BIN := .venv/bin
+INSTALLED := .venv/.installed
+# Outputs, counts, and what papermill and widgets leave behind; as in .pre-commit-config.yaml.
+STRIP := --keep-id --extra-keys "metadata.papermill metadata.widgets cell.metadata.papermill"
+NOTEBOOKS = $(shell git ls-files '*.ipynb')
+
+# Several processes share the cores, and arithmetic in one thread is the same on every machine.
+export OMP_NUM_THREADS ?= 1
+
+.DEFAULT_GOAL := help
+.PHONY: help test lint lab clean
+
+help: ## list these tasks
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
+
+test: $(INSTALLED) ## run all tests
+	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile $(PYTEST)
+
+lint: $(INSTALLED) ## check style, types, and that notebooks carry no outputs
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(if $(NOTEBOOKS),$(BIN)/nbstripout --verify $(STRIP) $(NOTEBOOKS))
+
+lab: $(INSTALLED) ## open the notebooks in JupyterLab
+	$(BIN)/jupyter lab notebooks
+
+clean: ## remove caches and build results, but not .venv
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+
+# Made again only when what is to be installed has changed.
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	  { echo "sfkit needs Python 3.11 or newer, $(PYTHON) is older: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,browser]'
+	@touch $@

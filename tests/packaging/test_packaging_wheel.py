@@ -1,0 +1,105 @@
+"""The wheel works as well as the checkout: built without a network, installed and run far from here."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import tarfile
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+# Where a folder of the checkout stands in the wheel.
+PLACES = {
+    "sfkit": "sfkit",
+    "widgets/sfkit_widgets": "sfkit_widgets",
+    "data_manifests": "sfkit/data_manifests",
+}
+
+
+def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """A command with its output, from another folder and without this process's import path."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    return subprocess.run(command, cwd=cwd, env=kept, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the source distribution, and the wheel built from it."""
+    folder = tmp_path_factory.mktemp("dist")
+    done = run(sys.executable, "-m", "build", "--no-isolation", "--outdir", folder, ROOT, cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.fixture(scope="module")
+def installed(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The programs of a fresh environment that holds the wheel, and sees only what it depends on."""
+    folder = tmp_path_factory.mktemp("installed")
+    venv.create(folder / "env")
+    programs = Path(sysconfig.get_path("scripts", "venv", {"base": str(folder / "env")}))
+    install = (
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        programs / "python",
+        "install",
+        "--no-deps",
+        "--no-index",
+    )
+    done = run(*install, *built.glob("*.whl"), cwd=folder)
+    assert done.returncode == 0, done.stdout + done.stderr
+    # A path file adds this folder, but not the folders that its own path files name: the checkout stays out.
+    packages = sysconfig.get_path("purelib", "venv", {"base": str(folder / "env")})
+    Path(packages, "dependencies.pth").write_text(sysconfig.get_path("purelib"), encoding="utf-8")
+    return programs
+
+
+def test_the_wheel_holds_every_file_of_the_packages(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    packed = set(zipfile.ZipFile(wheel).namelist())
+    for folder, place in PLACES.items():
+        files = [
+            path for path in (ROOT / folder).rglob("*") if path.is_file() and "__pycache__" not in path.parts
+        ]
+        assert files, folder
+        assert {f"{place}/{path.relative_to(ROOT / folder).as_posix()}" for path in files} <= packed
+    tops = {name.partition("/")[0] for name in packed}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"sfkit", "sfkit_widgets"}
+    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in packed)
+    assert not any(name.startswith("sfkit/data_manifests/") and name.endswith(".py") for name in packed)
+
+
+def test_the_source_distribution_can_be_worked_on(built: Path) -> None:
+    (source,) = built.glob("*.tar.gz")
+    with tarfile.open(source) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"Makefile", "constraints.txt", "LICENSE", "README.md", "tests/conftest.py"} <= names
+
+
+def test_both_packages_import_from_the_wheel(installed: Path, tmp_path: Path) -> None:
+    code = "import sfkit, sfkit_widgets; print(sfkit.__file__); print(sfkit_widgets.__file__)"
+    done = run(installed / "python", "-W", "error", "-c", code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    places = [Path(line) for line in done.stdout.splitlines()]
+    assert all(place.is_relative_to(installed.parent) for place in places), done.stdout
+
+
+def test_the_command_runs_from_the_wheel(installed: Path, tmp_path: Path) -> None:
+    version = run(installed / "sfkit", "--version", cwd=tmp_path)
+    assert version.returncode == 0, version.stderr
+    assert version.stdout.startswith("sfkit ")
+    usage = run(installed / "sfkit", "--help", cwd=tmp_path).stdout
+    assert all(command in usage for command in ("search", "merge", "evaluate", "predict", "show", "report"))
+
+
+def test_manifests_are_found_in_the_wheel(installed: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    done = run(installed / "sfkit", "data", "check", "eth3d", "--root", "empty", cwd=tmp_path)
+    assert "0 of 27" in done.stdout + done.stderr, done.stdout + done.stderr
