@@ -74,7 +74,7 @@ class _Unit(nn.Sequential):
         return cast(nn.Conv3d, self[2]).weight
 
     def normalised(self, maps: torch.Tensor) -> torch.Tensor:
-        return cast(torch.Tensor, self[1](self[0](maps)))
+        return cast(torch.Tensor, self[0](maps))
 
     def affine(self) -> tuple[torch.Tensor, torch.Tensor]:
         """Scale and shift (C, 1, 1, 1): what the batch norm does with its running statistics."""
@@ -86,8 +86,11 @@ class _Unit(nn.Sequential):
 
 def _with_batch_statistics(units: list[_Unit], maps: torch.Tensor, convolve: Convolution) -> torch.Tensor:
     for unit in units:
-        # Batch norm and the gradient of ReLU are slow on any layout but the default.
-        maps = convolve(unit.normalised(maps.contiguous()), unit.weight, None)
+        # Forwards and backwards, batch norm is slow on any layout but the default.
+        maps = unit.normalised(maps.contiguous())
+        if maps.requires_grad:
+            maps.register_hook(torch.Tensor.contiguous)  # type: ignore[no-untyped-call]  # untyped in torch
+        maps = convolve(maps, unit.weight, None)
     return maps
 
 
@@ -97,5 +100,5 @@ def _with_running_statistics(units: list[_Unit], maps: torch.Tensor, convolve: C
     maps = maps * scale + shift
     for unit, following in pairwise(units):
         scale, shift = following.affine()
-        maps = convolve(maps.relu_(), unit.weight * scale[..., None], shift.flatten())
-    return convolve(maps.relu_(), units[-1].weight, None)
+        maps = convolve(maps, unit.weight * scale[..., None], shift.flatten())
+    return convolve(maps, units[-1].weight, None)

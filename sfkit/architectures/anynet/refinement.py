@@ -6,9 +6,12 @@ Affinity via Spatial Propagation Networks" (NeurIPS 2017), from left to right on
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import torch
 import torch.nn.functional as F
 from torch import nn
+from torch.autograd.function import once_differentiable
 
 WIDTH = 8
 SCALE = 4  # the stage works at a quarter of the image size
@@ -31,39 +34,76 @@ def refine(parts: nn.Sequential, image: torch.Tensor, disparity: torch.Tensor) -
     small = (height // SCALE, width // SCALE)
     guide, enter, leave = parts
     gates = guide(_resize(image, small)).unflatten(1, (3, WIDTH))
+    gates = gates / (gates.abs().sum(dim=1, keepdim=True) + 1e-8)
     state = enter(_resize(disparity[:, None], small))
-    refined: torch.Tensor = _resize(leave(propagate(state, _normalised(gates))), (height, width))
+    refined: torch.Tensor = _resize(leave(propagate(state, gates)), (height, width))
     return refined[:, 0]
 
 
 def propagate(state: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
-    """One scan from the left column to the right one, for each map on its own.
+    """One scan from the left column to the right one, for each map on its own: Y (B, C, h, w).
 
     ``state`` is X (B, C, h, w), ``gates`` are G (B, 3, C, h, w) for the upper, middle and lower
     neighbour in the column before; a gate whose neighbour lies outside the map is closed:
     Y[y, t] = (1 - g1 - g2 - g3) X[y, t] + g1 Y[y-1, t-1] + g2 Y[y, t-1] + g3 Y[y+1, t-1].
     """
-    height = state.shape[2]
-    gates = _closed_at_borders(gates)
-    fresh = ((1 - gates.sum(dim=1)) * state).unbind(-1)
-    steps = gates.movedim(1, 2).unbind(-1)  # each (B, C, 3, h)
-    columns = [fresh[0]]
-    for start, gate in zip(fresh[1:], steps[1:], strict=True):
-        neighbours = F.pad(columns[-1], (1, 1)).unfold(-1, height, 1)
-        columns.append(start + (gate * neighbours).sum(dim=-2))
-    return torch.stack(columns, dim=-1)
+    gates = gates * _open(gates)
+    fresh = (1 - gates.sum(dim=1)) * state
+    columns = _Scan.apply(fresh.movedim(-1, 0), gates.movedim(-1, 0).movedim(2, 1))  # type: ignore[no-untyped-call]  # torch
+    return cast(torch.Tensor, columns).movedim(0, -1)
 
 
-def _closed_at_borders(gates: torch.Tensor) -> torch.Tensor:
-    open_ = torch.ones_like(gates[0, :, 0])  # (3, h, w)
-    open_[0, 0] = 0
-    open_[2, -1] = 0
-    open_[:, :, 0] = 0
-    return gates * open_[:, None]
+class _Scan(torch.autograd.Function):
+    """Y[t] = F[t] + G1[t] * up(Y[t-1]) + G2[t] * Y[t-1] + G3[t] * down(Y[t-1]), in place.
+
+    F is (w, B, C, h), G is (w, 3, B, C, h). Columns come first, so that a step reads adjacent memory, and
+    have a margin of one row at both ends, so that a shift is a view. Autograd's own record of the loop
+    would hold a dozen small nodes a column.
+    """
+
+    @staticmethod
+    def forward(ctx: Any, fresh: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
+        gates = gates.contiguous()
+        padded = F.pad(fresh, (1, 1))
+        above, here, below = (v.unbind() for v in _shifts(padded))
+        first, second, third = gates.unbind(1)
+        for t in range(1, len(fresh)):
+            here[t].addcmul_(first[t], above[t - 1])
+            here[t].addcmul_(second[t], here[t - 1])
+            here[t].addcmul_(third[t], below[t - 1])
+        ctx.save_for_backward(padded, gates)
+        return padded[..., 1:-1]
+
+    @staticmethod
+    @once_differentiable
+    def backward(ctx: Any, grad: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        padded, gates = ctx.saved_tensors
+        total = F.pad(grad, (1, 1))
+        above, here, below = (v.unbind() for v in _shifts(total))
+        first, second, third = gates.unbind(1)
+        for t in range(len(total) - 1, 0, -1):
+            above[t - 1].addcmul_(first[t], here[t])
+            here[t - 1].addcmul_(second[t], here[t])
+            below[t - 1].addcmul_(third[t], here[t])
+        fresh = total[..., 1:-1]
+        grad_gates = torch.zeros_like(gates)
+        for i, neighbour in enumerate(_shifts(padded)):
+            torch.mul(fresh[1:], neighbour[:-1], out=grad_gates[1:, i])
+        return fresh, grad_gates
 
 
-def _normalised(gates: torch.Tensor) -> torch.Tensor:
-    return gates / (gates.abs().sum(dim=1, keepdim=True) + 1e-8)
+def _shifts(padded: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    """Views (..., h) of (..., h + 2): the row above, the row itself, the row below."""
+    return padded[..., :-2], padded[..., 1:-1], padded[..., 2:]
+
+
+def _open(gates: torch.Tensor) -> torch.Tensor:
+    """(3, 1, h, w): 0 where the neighbour lies outside the map, else 1."""
+    mask = torch.ones_like(gates[0, :, :1])
+    mask[0, :, 0] = 0
+    mask[2, :, -1] = 0
+    mask[..., 0] = 0
+    return mask
 
 
 def _resize(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
