@@ -44,10 +44,10 @@ def unwrap(content: object, path: Path) -> tuple[dict[str, torch.Tensor], Layout
         InputError: no state dict is found; the message lists what the file holds instead.
     """
     container = None
-    if isinstance(content, Mapping) and not _is_state(content):
+    if isinstance(content, Mapping) and content and not _is_state(content):
         container = next((name for name in CONTAINERS if _is_state(content.get(name))), None)
         if container is None:
-            held = ", ".join(sorted(map(str, content))[:8]) or "nothing"
+            held = ", ".join(sorted(map(str, content))[:8])
             raise InputError(
                 f"{path}: found a dictionary with {held}, expected a state dict, bare or under one of "
                 f"{', '.join(CONTAINERS)}: save the network with torch.save(network.state_dict(), path)"

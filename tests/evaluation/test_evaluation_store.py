@@ -1,0 +1,156 @@
+"""The evaluation store on real SQLite files: the first score is the truth, and damage is refused."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from sfkit.errors import StoreError
+from sfkit.evaluation.metrics import ImageErrors, RegionErrors
+from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key, file_system
+
+IMAGE = ImageErrors("one", (1.0, 2.0), 0, {"all": RegionErrors(10, 1.1 / 3, (3, 1), 0)})
+
+
+def evaluation(name: str, *, seconds: float = 1.0, failure: str | None = None) -> Evaluation:
+    description = {"recipe": name}
+    images = () if failure else (IMAGE,)
+    return Evaluation(evaluation_key(description), description, images, failure, seconds)
+
+
+def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "store.sqlite"
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+    with EvaluationStore(path) as store:
+        held = store.get(evaluation("a").key)
+        assert held is not None
+        assert held.images == (IMAGE,)
+        assert held.images[0].regions["all"].sum_abs == 1.1 / 3
+        assert held.cached
+        assert len(store) == 1
+
+
+def test_an_infinite_error_survives(tmp_path: Path) -> None:
+    broken = ImageErrors("one", (1.0,), 5, {"all": RegionErrors(10, math.inf, (10,), 10)})
+    entry = Evaluation("k", {}, (broken,), None, 1.0)
+    with EvaluationStore(tmp_path / "s.sqlite") as store:
+        assert store.put(entry).images == (broken,)
+
+
+def test_the_first_score_is_the_truth(tmp_path: Path) -> None:
+    with EvaluationStore(tmp_path / "s.sqlite") as store:
+        store.put(evaluation("a", seconds=1.0))
+        assert store.put(evaluation("a", seconds=2.0)).seconds == 1.0
+        assert len(store) == 1
+
+
+def test_a_failure_gives_way_to_a_later_success(tmp_path: Path) -> None:
+    with EvaluationStore(tmp_path / "s.sqlite") as store:
+        assert store.put(evaluation("a", failure="RuntimeError: no")).failure == "RuntimeError: no"
+        assert store.put(evaluation("a")).failure is None
+        assert store.put(evaluation("a", failure="again")).failure is None
+        assert store.attempts(evaluation("a").key) == 2
+
+
+def test_the_key_is_the_content(tmp_path: Path) -> None:
+    assert evaluation_key({"a": 1, "b": [0.1]}) == evaluation_key({"b": [0.1], "a": 1})
+    assert evaluation_key({"a": 1}) != evaluation_key({"a": 2})
+
+
+def test_threads_and_processes_share_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    script = (
+        "import sys; from sfkit.evaluation.store import *\n"
+        "with EvaluationStore(sys.argv[1]) as s:\n"
+        "    for i in range(40): s.put(Evaluation(f'k{i}', {'by': sys.argv[2]}, (), None, float(i)))\n"
+    )
+    others = [subprocess.Popen([sys.executable, "-c", script, str(path), str(n)]) for n in range(2)]
+    with EvaluationStore(path) as store:
+
+        def write(start: int) -> None:
+            for i in range(start, 40, 2):
+                store.put(Evaluation(f"k{i}", {"by": "thread"}, (), None, float(i)))
+
+        threads = [threading.Thread(target=write, args=(n,)) for n in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert [other.wait(60) for other in others] == [0, 0]
+        assert {e.key: e.seconds for e in store} == {f"k{i}": float(i) for i in range(40)}
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"garbage, not a database at all" * 50, "cannot be used as an evaluation store"),
+        (b"SQLite format 3\x00" + b"\x07" * 4096, "evaluation store"),
+    ],
+)
+def test_garbage_is_refused_and_left_alone(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "s.sqlite"
+    path.write_bytes(content)
+    with pytest.raises(StoreError, match=message):
+        EvaluationStore(path)
+    assert path.read_bytes() == content
+
+
+def test_a_truncated_store_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        for number in range(300):
+            store.put(evaluation(f"recipe {number}"))
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(StoreError, match=r"s\.sqlite: (is damaged|cannot be used)"):
+        EvaluationStore(path)
+    assert len(path.read_bytes()) == len(data) // 2
+
+
+def test_another_database_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    db = sqlite3.connect(path)
+    db.execute("CREATE TABLE accounts (name TEXT)")
+    db.commit()
+    db.close()
+    with pytest.raises(StoreError, match="is an SQLite file but no evaluation store"):
+        EvaluationStore(path)
+
+
+def test_a_newer_store_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    EvaluationStore(path).close()
+    db = sqlite3.connect(path)
+    db.execute("PRAGMA user_version = 99")
+    db.close()
+    with pytest.raises(StoreError, match="newer sfkit"):
+        EvaluationStore(path)
+
+
+def test_network_file_systems_are_recognised(tmp_path: Path) -> None:
+    mounts = tmp_path / "mounts"
+    mounts.write_text(
+        f"/dev/x / ext4 rw 0 0\nserver:/e {tmp_path} nfs4 rw 0 0\ntmpfs {tmp_path}/a\\040b tmpfs rw 0 0\n"
+    )
+    assert file_system(tmp_path / "run" / "s.sqlite", mounts) == "nfs4"
+    assert file_system(tmp_path / "a b" / "s.sqlite", mounts) == "tmpfs"
+    assert file_system(Path("/other/s.sqlite"), mounts) == "ext4"
+
+
+def test_a_store_on_a_network_file_system_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sfkit.evaluation.store.file_system", lambda _path: "nfs4")
+    with pytest.raises(StoreError, match=r"network file system \(nfs4\).*put the store on a local disk"):
+        EvaluationStore(tmp_path / "s.sqlite")
+    assert not (tmp_path / "s.sqlite").exists()
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="is a folder"):
+        EvaluationStore(tmp_path)
