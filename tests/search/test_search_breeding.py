@@ -42,6 +42,14 @@ def test_without_crossover_and_mutation_offspring_are_their_parents() -> None:
         assert draft.chromosome == by_number[parent]
 
 
+def test_the_first_parent_gave_the_head() -> None:
+    parents = population(10)
+    by_number = {number: chromosome for chromosome, (_, number) in parents}
+    settings = SubsetSettings(population=40, crossover=1.0, mutation=0.0)
+    for draft in bred(parents, settings, SPACE, np.random.default_rng(6)):
+        assert draft.chromosome[0] == by_number[draft.parents[0]][0]
+
+
 def test_certain_crossover_and_mutation_always_act() -> None:
     settings = SubsetSettings(population=40, crossover=1.0, mutation=1.0)
     for draft in bred(population(10), settings, SPACE, np.random.default_rng(3)):

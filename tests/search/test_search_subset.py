@@ -23,6 +23,7 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
 from sfkit.search import Constraints, SubsetSearch, SubsetSettings
+from sfkit.search.breeding import bred, initial
 
 SMALL = SubsetSettings(population=12, generations=6, seed=3)
 
@@ -159,6 +160,7 @@ def test_killed_anywhere_and_started_again_it_repeats_nothing(lives: int) -> Non
     assert not set(first.computed) & set(second.computed)
     assert again.counts.cached == len(first.computed)
     assert again.counts.seconds_saved == pytest.approx(0.5 * len(first.computed))
+    assert again.counts.seconds == pytest.approx(0.5 * len(second.computed))
 
 
 def test_a_step_that_was_interrupted_can_be_taken_again() -> None:
@@ -175,6 +177,20 @@ def test_a_step_that_was_interrupted_can_be_taken_again() -> None:
     search.run()
     assert trace(search) == trace(whole)
     assert search.candidates[: len(before.candidates)] == before.candidates
+
+
+def test_generation_t_draws_from_seed_stage_and_t_alone() -> None:
+    search = SubsetSearch(names(8), BLOCKS, scorer_of(8), SMALL)
+    for t, generation in enumerate(search):
+        rng = np.random.default_rng([SMALL.seed, 1, t])
+        if t == 0:
+            drafts = initial(SMALL, search.space, (), rng)
+        else:
+            members = [search.candidates[i] for i in search.state.populations[t - 1]]
+            genes = [tuple(int(name[-1]) for name in c.chromosome) for c in members]
+            drafts = bred(list(zip(genes, [c.rank for c in members], strict=True)), SMALL, search.space, rng)
+        expected = [tuple(f"source{gene}" for gene in draft.chromosome) for draft in drafts]
+        assert [candidate.chromosome for candidate in generation.candidates] == expected
 
 
 def test_more_generations_begin_with_the_fewer() -> None:
