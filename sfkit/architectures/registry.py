@@ -15,6 +15,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any, TypeVar
 
 from torch import nn
@@ -40,8 +41,10 @@ class Architecture:
         optional: globs of keys a source may lack (its task vector there is zero).
         constants: globs of keys that are no parameters and are copied from the base (index tables).
         dead: globs of keys that influence no output: kept in files, left out of the search.
+        frozen: globs of keys that fine-tuning leaves as they are; a source that differs there is pointed out.
         rename: state-dict keys as found -> as the network names them, for layouts in the wild.
         check: refuses a state dict that loads but would be read wrongly (raises InputError).
+        beside: a checkpoint's path -> options that a configuration file beside it gives.
         version: changes whenever the network's output changes; part of every evaluation's key.
     """
 
@@ -54,15 +57,21 @@ class Architecture:
     optional: tuple[str, ...] = ()
     constants: tuple[str, ...] = ()
     dead: tuple[str, ...] = ()
+    frozen: tuple[str, ...] = ()
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None
+    beside: Callable[[Path], Options] | None = None
 
     def is_optional(self, key: str) -> bool:
         """True for a key a checkpoint may lack, or have though the options leave that part out."""
         return any(fnmatchcase(key, pattern) for pattern in self.optional)
 
-    def resolve(self, options: Options | None = None) -> dict[str, Any]:
-        """All options with their defaults filled in.
+    def is_frozen(self, key: str) -> bool:
+        """True for a key that fine-tuning is known to leave as it is."""
+        return any(fnmatchcase(key, pattern) for pattern in self.frozen)
+
+    def resolve(self, options: Options | None = None, *, near: Path | None = None) -> dict[str, Any]:
+        """All options: those given, else those of a configuration beside the checkpoint ``near``, else defaults.
 
         Raises:
             InputError: an option the architecture does not have.
@@ -71,7 +80,8 @@ class Architecture:
         for key in given:
             if key not in self.defaults:
                 raise unknown_name(f"option of architecture {self.name!r}", key, self.defaults)
-        return {**self.defaults, **given}
+        found = self.beside(near) if self.beside is not None and near is not None else {}
+        return {**self.defaults, **found, **given}
 
 
 _REGISTRY: dict[str, Architecture] = {}
@@ -85,8 +95,10 @@ def register_architecture(
     optional: Iterable[str] = (),
     constants: Iterable[str] = (),
     dead: Iterable[str] = (),
+    frozen: Iterable[str] = (),
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None,
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None,
+    beside: Callable[[Path], Options] | None = None,
     version: str | None = None,
 ) -> Callable[[Builder], Builder]:
     """Register an ``nn.Module`` class, or a function that builds one, under ``name``.
@@ -108,8 +120,10 @@ def register_architecture(
             optional=tuple(optional),
             constants=tuple(constants),
             dead=tuple(dead),
+            frozen=tuple(frozen),
             rename=rename,
             check=check,
+            beside=beside,
         )
         return builder
 

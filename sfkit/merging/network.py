@@ -53,7 +53,7 @@ def load_network(
     stored = (
         dict(origin.architecture["options"]) if origin and origin.architecture["name"] == entry.name else {}
     )
-    chosen = entry.resolve({**stored, **(options or {})})
+    chosen = entry.resolve({**stored, **(options or {})}, near=path)
     file = PoolOpener(entry, chosen, skeleton(entry, chosen)).read(path, is_base=True)
     network = entry.build(**chosen)
     targets = network.state_dict(keep_vars=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -41,6 +41,7 @@ class Checked:
         layout: how the file wraps its tensors.
         absent: keys of optional tensors it lacks.
         kinship: how near it lies to the base.
+        thawed: keys it changed although the architecture calls them frozen.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Checked:
     layout: Layout
     absent: tuple[str, ...] = ()
     kinship: Kinship = ITSELF
+    thawed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -149,7 +151,9 @@ class PoolOpener:
             if spec.kind is Kind.WEIGHT:
                 sums.add(theirs, ours)
         absent = tuple(spec.key for spec in order if spec.key not in file.tensors)
-        return Staged(_checked(member, file, fingerprint(digests), absent, sums.kinship()), changed, values)
+        thawed = tuple(spec.key for spec in changed if self.architecture.is_frozen(spec.key))
+        checked = _checked(member, file, fingerprint(digests), absent, sums.kinship())
+        return Staged(replace(checked, thawed=thawed), changed, values)
 
 
 def _checked(

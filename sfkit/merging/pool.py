@@ -13,7 +13,7 @@ import torch
 from torch import nn
 
 from sfkit.architectures import Architecture, architecture
-from sfkit.checkpoints.checks import Kind, TensorSpec
+from sfkit.checkpoints.checks import TensorSpec
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.errors import InputError, SfkitWarning, unknown_name
 from sfkit.merging.blocks import BlockPartition
@@ -46,6 +46,7 @@ class Pool:
         self,
         spec: PoolSpec,
         entry: Architecture,
+        options: Mapping[str, Any],
         partition: BlockPartition,
         specs: Sequence[TensorSpec],
         base: tuple[Checked, Mapping[str, torch.Tensor]],
@@ -55,7 +56,7 @@ class Pool:
         self.name = spec.name
         self.spec = spec
         self.architecture = entry
-        self.options = entry.resolve(spec.options)
+        self.options = dict(options)
         self.partition = partition
         self.specs = tuple(specs)
         self.base, self.base_tensors = base
@@ -200,10 +201,10 @@ def open_pool(path: str | Path | PoolSpec) -> Pool:
     """
     spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
     entry = architecture(spec.architecture)
-    options = entry.resolve(spec.options)
+    options = entry.resolve(spec.options, near=spec.base.path)
     specs = skeleton(entry, options)
     partition = BlockPartition.of(spec.blocks or entry.blocks(options))
-    partition.check(s.key for s in specs if s.kind is not Kind.CONSTANT)
+    partition.check(spec.key for spec in specs)
     opener = PoolOpener(entry, options, specs)
     base_file, *files = opener.headers((spec.base, *spec.sources))
     base_file = base_file or opener.read(spec.base.path, is_base=True)
@@ -216,7 +217,7 @@ def open_pool(path: str | Path | PoolSpec) -> Pool:
     sources = [source.member for source in staged]
     _refuse_twins(sources)
     parts = assemble(staged, base_file.tensors, partition)
-    pool = Pool(spec, entry, partition, specs, (base, base_file.tensors), parts, sources)
+    pool = Pool(spec, entry, options, partition, specs, (base, base_file.tensors), parts, sources)
     for doubt in pool.warnings:
         warnings.warn(doubt, SfkitWarning, stacklevel=2)
     return pool
@@ -243,6 +244,12 @@ def _doubts(pool: Pool) -> Iterable[str]:
                 f"{source.kinship.cosine:.2f}, distance {source.kinship.distance:.2f} of the base's norm; "
                 f"a fine-tune has at least {source.kinship.MIN_COSINE} and at most "
                 f"{source.kinship.MAX_DISTANCE}): merging it will most likely harm"
+            )
+        if source.thawed:
+            named = ", ".join(source.thawed[:3]) + (", ..." if len(source.thawed) > 3 else "")
+            yield (
+                f"{source.path}: source {source.name!r} changed {len(source.thawed)} tensors that fine-tuning "
+                f"leaves as they are ({named}): they are merged like the rest, which costs memory and may harm"
             )
         if source.absent:
             yield (
