@@ -71,7 +71,7 @@ class Architecture:
         return any(fnmatchcase(key, pattern) for pattern in self.frozen)
 
     def resolve(self, options: Options | None = None, *, near: Path | None = None) -> dict[str, Any]:
-        """All options: those given, else those of a configuration beside the checkpoint ``near``, else defaults.
+        """All options: as given, else as a configuration beside the checkpoint ``near`` says, else defaults.
 
         Raises:
             InputError: an option the architecture does not have.

@@ -12,6 +12,7 @@ from sfkit.cli.options import (
     JsonOption,
     PoolArgument,
     RecipeOption,
+    SubsetFromOption,
     SubsetOption,
     emit,
     names,
@@ -28,6 +29,7 @@ def merge(
     out: Annotated[Path, typer.Option("--out", "-o", help="The file to write.")],
     subset: SubsetOption = None,
     recipe: RecipeOption = None,
+    subset_from: SubsetFromOption = None,
     weights: Annotated[str | None, typer.Option(help="One weight a source: a=0.3,b=0.7.")] = None,
     uniform: Annotated[bool, typer.Option("--uniform", help="Merge all sources equally.")] = False,
     form: Annotated[
@@ -45,7 +47,11 @@ def merge(
     """
     check_target(out, form, overwrite=force)
     opened = pool_of(pool)
-    chosen = _weighted(opened, weights) if weights else recipe_of(opened, subset, recipe, uniform=uniform)
+    chosen = (
+        _weighted(opened, weights)
+        if weights
+        else recipe_of(opened, subset, recipe, uniform=uniform, subset_from=subset_from)
+    )
     written = save_merged(opened, chosen, out, form=form, overwrite=force)
     origin = read_origin(written)
     licences = origin.licences if origin else {}

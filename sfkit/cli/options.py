@@ -15,6 +15,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.saving import read_recipe
+from sfkit.search import transfer
 
 PoolArgument = Annotated[
     str, typer.Argument(help="A pool.toml, or the folder that holds one.", show_default=False)
@@ -45,6 +46,10 @@ SubsetOption = Annotated[
 RecipeOption = Annotated[
     Path | None, typer.Option("--recipe", help="A recipe as JSON, or a merged network to take it from.")
 ]
+SubsetFromOption = Annotated[
+    Path | None,
+    typer.Option("--subset-from", help="A recipe or merged network of another pool: merge the same sources."),
+]
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -72,14 +77,23 @@ def benchmark_of(
     return benchmark
 
 
-def recipe_of(pool: Pool, subset: str | None, recipe: Path | None, *, uniform: bool = False) -> Recipe:
+def recipe_of(
+    pool: Pool,
+    subset: str | None,
+    recipe: Path | None,
+    *,
+    uniform: bool = False,
+    subset_from: Path | None = None,
+) -> Recipe:
     """The one recipe the options describe.
 
     Raises:
         InputError: none or several are given, a name is unknown, or the file holds no recipe.
     """
-    if sum((subset is not None, recipe is not None, uniform)) != 1:
-        raise InputError("expected exactly one of --subset, --recipe and --uniform")
+    if sum((subset is not None, recipe is not None, uniform, subset_from is not None)) != 1:
+        raise InputError("expected exactly one of --subset, --subset-from, --recipe and --uniform")
+    if subset_from is not None:
+        return pool.equal(*transfer(read_recipe(subset_from), pool.names))
     if recipe is not None:
         found = read_recipe(recipe)
         pool.check_recipe(found)

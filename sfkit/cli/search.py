@@ -19,6 +19,7 @@ from sfkit.cli.options import (
     ResolutionOption,
     RootOption,
     StoreOption,
+    SubsetFromOption,
     SubsetOption,
     benchmark_of,
     device_of,
@@ -50,6 +51,7 @@ def search(
     generations: Annotated[int, typer.Option(help="Stage 1: generations.")] = 15,
     evaluations: Annotated[int, typer.Option(help="Stage 2: evaluations; 0 leaves Stage 2 out.")] = 300,
     subset: SubsetOption = None,
+    subset_from: SubsetFromOption = None,
     block_specific: Annotated[
         bool, typer.Option("--block-specific", help="Stage 2: routing weights of their own for every block.")
     ] = False,
@@ -74,7 +76,7 @@ def search(
       sfkit search pool.toml -b pairs -r ~/pairs --subset a,b --evaluations 200
     """
     plan = Plan(
-        subset=_subset(subset),
+        subset=_subset(subset, subset_from),
         stage1=SubsetSettings(population=population, generations=generations, seed=seed),
         stage2=None
         if evaluations == 0
@@ -102,7 +104,11 @@ def search(
     emit(document, _text(found, evaluator), as_json=json)
 
 
-def _subset(text: str | None) -> tuple[str, ...] | None:
+def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
+    if text is not None and file is not None:
+        raise InputError("expected --subset or --subset-from, not both")
+    if file is not None:
+        return read_recipe(file).sources
     if text is None:
         return None
     if not names(text):

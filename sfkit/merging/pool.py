@@ -248,8 +248,8 @@ def _doubts(pool: Pool) -> Iterable[str]:
         if source.thawed:
             named = ", ".join(source.thawed[:3]) + (", ..." if len(source.thawed) > 3 else "")
             yield (
-                f"{source.path}: source {source.name!r} changed {len(source.thawed)} tensors that fine-tuning "
-                f"leaves as they are ({named}): they are merged like the rest, which costs memory and may harm"
+                f"{source.path}: source {source.name!r} changed {len(source.thawed)} tensors that are frozen "
+                f"in fine-tuning ({named}): they are merged like the rest, which costs memory and may harm"
             )
         if source.absent:
             yield (
