@@ -112,10 +112,11 @@ def _assemble(out: Path) -> None:
     records = {d.name: json.loads(_record_file(out, d.name).read_text()) for d in (BASE, *SOURCES)}
     write_fingerprints(out / "fingerprints.json")
     (out / "trainings.json").write_text(json.dumps(records, indent=2) + "\n")
-    (out / "pool.toml").write_text(_pool_toml())
+    (out / "pool.toml").write_text(pool_toml())
 
 
-def _pool_toml() -> str:
+def pool_toml() -> str:
+    """The text of the bank's ``pool.toml``."""
     options = "\n".join(f"{key} = {json.dumps(value)}" for key, value in OPTIONS.items())
     entries = "\n".join(
         f'\n[sources.{domain.name}]\nfile = "{domain.name}.safetensors"\nlicence = "{LICENCE}"'

@@ -32,4 +32,4 @@ class Plan:
 
 
 BASE_PLAN = Plan(steps=2000, peak_rate=2e-3, scenes=300)
-SOURCE_PLAN = Plan(steps=500, peak_rate=1e-3, scenes=200)
+SOURCE_PLAN = Plan(steps=400, peak_rate=1e-3, scenes=160)

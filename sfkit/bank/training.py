@@ -46,7 +46,6 @@ def train(
     network = new_network(plan.seed)
     if start is not None:
         network.load_state_dict(dict(start))
-    channels_last(network)
     optimiser = torch.optim.Adam(network.parameters(), lr=plan.peak_rate)
     step, seconds, cpu_seconds, losses = 0, 0.0, 0.0, list[float]()
     if state_file.exists():
@@ -81,14 +80,6 @@ def new_network(seed: int) -> nn.Module:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
         return architecture(ARCHITECTURE).build(**OPTIONS)
-
-
-def channels_last(network: nn.Module) -> None:
-    """Lay the kernels out channels last: convolutions of few channels then train a third faster on a CPU."""
-    layouts = {4: torch.channels_last, 5: torch.channels_last_3d}
-    for parameter in network.parameters():
-        if parameter.ndim in layouts:
-            parameter.data = parameter.data.contiguous(memory_format=layouts[parameter.ndim])
 
 
 def training_pairs(domain: Domain, count: int, progress: Progress | None = None) -> list[SyntheticPair]:

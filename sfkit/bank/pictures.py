@@ -1,0 +1,60 @@
+"""Picture strips of the bank's domains: a pair, its ground truth, what a network makes of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.datasets import Sample
+
+Picture = NDArray[np.uint8]
+SHRINK = 0.65
+ERROR_LIMIT = 6.0
+"""Error in pixels that is shown as full white; 3, where a pixel counts as bad, is middle grey."""
+QUALITY = 85
+
+
+def strip(sample: Sample, prediction: NDArray[np.float32]) -> Picture:
+    """Left view, right view, ground truth, prediction and error side by side, (h, 5 w, 3) RGB.
+
+    Truth and prediction share one colour scale from 0 to the largest true disparity; the error is black
+    at 0 px and white at 6 px. Pixels without ground truth are black in the truth and blue in the error.
+    """
+    known = np.isfinite(sample.disparity)
+    largest = float(np.nanmax(sample.disparity))
+    error = np.abs(prediction - np.where(known, sample.disparity, prediction))
+    grey = np.rint(255.0 * np.clip(error / ERROR_LIMIT, 0.0, 1.0)).astype(np.uint8)
+    error_map = np.repeat(grey[..., None], 3, axis=2)
+    error_map[~known] = (30, 30, 90)
+    parts = [
+        _small(sample.left, cv2.INTER_AREA),
+        _small(sample.right, cv2.INTER_AREA),
+        _small(colours(sample.disparity, largest), cv2.INTER_NEAREST),
+        _small(colours(prediction, largest), cv2.INTER_AREA),
+        _small(error_map, cv2.INTER_NEAREST),
+    ]
+    return np.hstack(parts)
+
+
+def colours(disparity: NDArray[np.float32], largest: float) -> Picture:
+    """A disparity map in colour (H, W, 3): blue at 0, red at ``largest`` pixels, black where it is NaN."""
+    share = np.clip(np.nan_to_num(disparity, nan=0.0) / largest, 0.0, 1.0)
+    painted = cv2.applyColorMap(np.rint(255.0 * share).astype(np.uint8), cv2.COLORMAP_TURBO)[..., ::-1]
+    return np.where(np.isfinite(disparity)[..., None], painted, 0).astype(np.uint8)
+
+
+def write_picture(path: Path, picture: Picture) -> None:
+    """Write an RGB picture as JPEG, making its folder."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    done, code = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    if not done:
+        raise OSError(f"{path}: OpenCV could not encode a picture of shape {picture.shape}")
+    path.write_bytes(code.tobytes())
+
+
+def _small(picture: Picture, interpolation: int) -> Picture:
+    small = cv2.resize(picture, None, fx=SHRINK, fy=SHRINK, interpolation=interpolation)
+    return np.asarray(small, dtype=np.uint8)

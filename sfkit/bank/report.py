@@ -1,0 +1,133 @@
+"""``docs/bank.md``: what the bank is and how good its networks are, made by a command.
+
+Run ``python -m sfkit.bank.report docs`` in a checkout.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+import sfkit.bank as bank
+from sfkit.bank.conclusions import conclusions
+from sfkit.bank.pictures import strip, write_picture
+from sfkit.bank.scores import BankScores, bank_scores, network_recipes
+from sfkit.datasets.synthetic.domains import BASE, domains, worlds
+from sfkit.evaluation import EvaluationStore
+from sfkit.merging import Pool, open_pool
+
+PICTURES = Path("images") / "bank"
+
+INTRODUCTION = """\
+# The embedded bank
+
+sfkit ships a small world of its own: a base network trained on one synthetic stereo domain, 11 sources
+fine-tuned from it on 11 other domains, and four benchmarks. The networks are AnyNet (ranges 4, 3, 3,
+without the propagation stage: {parameters:,} parameters), really trained, on a CPU; images are 192 x 384.
+The renderer knows disparity and occlusion exactly. `sfkit bank build` makes everything again from its
+seeds; this page is made by `python -m sfkit.bank.report docs`. Domains and seeds were fixed before any
+network was merged, and all figures below are what came out.
+
+A *bad* pixel is off by more than 3 pixels; scores are bad-3.0 in percent over all pixels with ground truth,
+occluded ones too, mean over images; EPE is the mean error in pixels. Lower is better everywhere.
+"""
+
+
+def write_report(docs: Path, *, pool_file: Path | None = None, store: Path | None = None) -> Path:
+    """Score every network of the bank, and write ``docs/bank.md`` with its pictures; return the page's path.
+
+    ``pool_file`` is the shipped bank's unless given; ``store`` keeps evaluations, so that a second call
+    scores nothing again.
+    """
+    file = pool_file or bank.pool_path()
+    pool = open_pool(file)
+    with EvaluationStore(store or ":memory:") as kept:
+        scores = bank_scores(pool, file.parent, store=kept)
+    write_pictures(pool, docs / PICTURES)
+    page = docs / "bank.md"
+    page.parent.mkdir(parents=True, exist_ok=True)
+    parameters = sum(p.numel() for p in pool.build().parameters())
+    page.write_text("\n".join([INTRODUCTION.format(parameters=parameters), *_sections(scores)]))
+    return page
+
+
+def write_pictures(pool: Pool, folder: Path) -> None:
+    """One strip a domain, by its own network, and one a benchmark, by the base: ``<name>.jpg``."""
+    recipes = network_recipes(pool)
+    for name in (*domains(), *worlds()):
+        shown = bank.held_out(name, 1) if name in domains() else bank.benchmark(name)
+        sample = shown.pairs[0].load()
+        live = pool.merge(recipes.get(name, recipes[BASE.name]))
+        prepared = pool.architecture.inputs(pool.options).prepare(sample.left, sample.right)
+        disparity = prepared.window.crop(live.disparity(prepared.left, prepared.right))
+        write_picture(folder / f"{name}.jpg", strip(sample, disparity[0].numpy()))
+
+
+def _sections(scores: BankScores) -> Iterable[str]:
+    yield "## What a reader should conclude\n"
+    yield from (f"- {sentence}" for sentence in conclusions(scores))
+    yield "\n## Benchmarks, bad-3.0 in percent\n"
+    yield "`*` is the validation benchmark, which searches look at; the mean is over the others.\n"
+    yield markdown(_with_mean(scores))
+    yield "\n## Domains, bad-3.0 in percent on held-out pairs\n"
+    yield "A row a network, a column a domain; a source's own domain is in bold.\n"
+    yield markdown(scores.domains, bold=True)
+    yield "\n## Domains, end-point error in pixels on the same pairs\n"
+    yield markdown(scores.errors, digits=2, bold=True)
+    yield "\n## Trainings\n"
+    yield "Measured on held-out pairs of the own domain. Seconds are wall-clock, on a machine that other work"
+    yield "shared; the CPU seconds of the one thread that trained are what a quiet machine needs.\n"
+    yield _trainings(scores)
+    yield "\n## The domains\n"
+    yield "Left view, right view, ground truth, the domain's own network, its error (white from 6 px on).\n"
+    yield from (_portrait(name, world.about) for name, world in domains().items())
+    yield "\n## The benchmarks' worlds\n"
+    yield "The same five pictures; the network is the base.\n"
+    yield from (_portrait(name, world.about) for name, world in worlds().items())
+
+
+def _portrait(name: str, about: str) -> str:
+    return f"### {name}\n\n{about[0].upper()}{about[1:]}.\n\n![{name}]({PICTURES.as_posix()}/{name}.jpg)\n"
+
+
+def _with_mean(scores: BankScores) -> pd.DataFrame:
+    table = scores.benchmarks.rename(columns={bank.VALIDATION: f"{bank.VALIDATION} *"})
+    return table.assign(**{"mean of the unseen": scores.unseen})
+
+
+def markdown(table: pd.DataFrame, *, digits: int = 1, bold: bool = False) -> str:
+    """A Markdown table; ``bold`` marks the cells whose row and column have one name."""
+    rows = [["network", *map(str, table.columns)]]
+    for name, values in table.iterrows():
+        cells = [f"{value:.{digits}f}" for value in values]
+        if bold and name in table.columns:
+            own = [*map(str, table.columns)].index(str(name))
+            cells[own] = f"**{cells[own]}**"
+        rows.append([str(name), *cells])
+    return _table(rows)
+
+
+def _trainings(scores: BankScores) -> str:
+    head = "domain,steps,seconds,CPU seconds,constant guess EPE,base EPE,own EPE,gain %,base bad-3,own bad-3"
+    rows = [head.split(",")]
+    for name, record in scores.trainings.items():
+        own = record["own_domain"]
+        base, last = own["base"], own.get("source", own["base"])
+        gain = 100.0 * (1.0 - last["epe"] / base["epe"])
+        numbers = [own["constant_guess"]["epe"], base["epe"], last["epe"], gain, base["bad3"], last["bad3"]]
+        cost = [str(record["plan"]["steps"]), f"{record['seconds']:.0f}", f"{record['cpu_seconds']:.0f}"]
+        digits = (2, 2, 2, 0, 1, 1)
+        rows.append([name, *cost, *(f"{v:.{d}f}" for v, d in zip(numbers, digits, strict=True))])
+    return _table(rows)
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    rule = ["---", *["---:"] * (len(rows[0]) - 1)]
+    return "\n".join("| " + " | ".join(row) + " |" for row in (rows[0], rule, *rows[1:]))
+
+
+if __name__ == "__main__":
+    print(write_report(Path(sys.argv[1] if len(sys.argv) > 1 else "docs")))

@@ -1,0 +1,75 @@
+"""The bank's networks on its benchmarks and domains: numbers for the report and for the bar."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from sfkit.bank.plan import HELD_OUT_PAIRS
+from sfkit.bank.rendered import METRIC, benchmark, benchmarks, held_out
+from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
+from sfkit.evaluation import EvaluationStore, score_recipes
+from sfkit.merging import Pool, Recipe
+
+UNIFORM = "uniform"
+"""Row name of the equal-weight merge of all sources, beside the 12 networks."""
+
+
+@dataclass(frozen=True)
+class BankScores:
+    """All scores, one row a network.
+
+    Attributes:
+        benchmarks: bad-3.0 in percent, a column a benchmark, the validation benchmark first.
+        domains: bad-3.0 in percent on held-out pairs, a column a domain, the base's first.
+        errors: end-point error in pixels on the same pairs.
+        trainings: the record of each training, by domain name.
+    """
+
+    benchmarks: pd.DataFrame
+    domains: pd.DataFrame
+    errors: pd.DataFrame
+    trainings: dict[str, Any]
+
+    @property
+    def unseen(self) -> pd.Series:
+        """Mean over the benchmarks that no search looks at, a network each."""
+        return self.benchmarks.drop(columns=VALIDATION).mean(axis=1)
+
+
+def bank_scores(
+    pool: Pool, folder: Path, *, store: EvaluationStore | None = None, held_out_pairs: int = HELD_OUT_PAIRS
+) -> BankScores:
+    """Score the bank in ``folder`` (where its ``trainings.json`` lies), open as ``pool``, on everything."""
+    recipes = network_recipes(pool)
+    marked = score_recipes(pool, recipes, [benchmark(name) for name in benchmarks()], store=store)
+    own = score_recipes(
+        pool,
+        recipes,
+        [held_out(name, held_out_pairs) for name in domains()],
+        metrics=(METRIC, "epe"),
+        store=store,
+    )
+    return BankScores(
+        benchmarks=_square(marked, METRIC),
+        domains=_square(own, METRIC),
+        errors=_square(own, "epe"),
+        trainings=json.loads((folder / "trainings.json").read_text()),
+    )
+
+
+def network_recipes(pool: Pool) -> dict[str, Recipe]:
+    """The base (under its domain's name), every source alone, and all merged equally."""
+    alone = {name: pool.equal(name) for name in domains() if name != BASE.name}
+    return {BASE.name: pool.base_recipe(), **alone, UNIFORM: pool.uniform()}
+
+
+def _square(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """A row a network, a column a benchmark, in the order first met."""
+    rows, columns = dict.fromkeys(scores["network"]), dict.fromkeys(scores["benchmark"])
+    table = scores[scores["metric"] == metric].pivot(index="network", columns="benchmark", values="score")
+    return table.loc[list(rows), list(columns)]
