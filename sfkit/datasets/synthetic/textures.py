@@ -65,8 +65,11 @@ def tile(kind: str, rng: Generator, contrast: float) -> Array:
         cv2.resize(rng.uniform(-1.0, 1.0, size=(12, 12, 3)), (TILE, TILE), interpolation=cv2.INTER_CUBIC)
     )
     shade = 0.5 + contrast * (pattern - 0.5)
-    mixed = paper + (ink - paper) * shade[..., None] + 0.07 * contrast * stains
-    return np.clip(mixed, 0.02, 0.98)
+    mixed = shade[..., None] * (ink - paper)  # in place from here on: most of a scene's time goes into tiles
+    mixed += paper
+    stains *= 0.07 * contrast
+    mixed += stains
+    return np.asarray(np.clip(mixed, 0.02, 0.98, out=mixed))
 
 
 def _cloud(rng: Generator) -> Array:
