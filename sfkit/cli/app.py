@@ -10,7 +10,7 @@ from typing import TextIO
 import typer
 
 import sfkit
-from sfkit.cli import data, evaluate, merge, predict, report, search, show
+from sfkit.cli import cache, data, evaluate, merge, predict, report, search, show
 from sfkit.errors import SfkitError
 
 app = typer.Typer(
@@ -28,6 +28,7 @@ app.command("predict")(predict.predict)
 app.command("show")(show.show)
 app.command("report")(report.report)
 app.add_typer(data.app, name="data")
+app.add_typer(cache.app, name="cache")
 
 # typer's own copy of click names this class nowhere in public: it is what BadParameter derives from.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]

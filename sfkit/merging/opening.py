@@ -21,8 +21,10 @@ from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.layouts import Layout
 from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
 from sfkit.checkpoints.spec import Member
+from sfkit.errors import SfkitError
 from sfkit.merging.arena import MAPPED_ABOVE, allocate
 from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord, vector_key
 from sfkit.merging.flat import FlatLayout
 
 ITSELF = Kinship(1.0, 0.0)  # the base's kinship to the base
@@ -75,11 +77,18 @@ class PoolOpener:
     """Reads one base and its sources against what the architecture's network has."""
 
     def __init__(
-        self, architecture: Architecture, options: Mapping[str, object], specs: Sequence[TensorSpec]
+        self,
+        architecture: Architecture,
+        options: Mapping[str, object],
+        specs: Sequence[TensorSpec],
+        cache: VectorCache | None = None,
     ) -> None:
         self.architecture = architecture
         self.options = options
         self.specs = tuple(specs)
+        # A network this small is read faster than its cache entries.
+        small = sum(spec.size for spec in self.specs) * 4 <= MAPPED_ABOVE
+        self.cache = None if small else cache
 
     def headers(self, members: Sequence[Member]) -> list[CheckpointFile | None]:
         """Check every file's keys and shapes before any content is read.
@@ -100,31 +109,54 @@ class PoolOpener:
         if self.architecture.rename is not None:
             names = self.architecture.rename(file.tensors)
             tensors = {names.get(key, key): tensor for key, tensor in file.tensors.items()}
-            file = CheckpointFile(file.path, tensors, file.layout, file.metadata, file.mapped)
+            file = replace(file, tensors=tensors)
         if self.architecture.check is not None:
             shapes = {key: tuple(tensor.shape) for key, tensor in file.tensors.items()}
             self.architecture.check(shapes, self.options)
         check_keys(path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base)
-        return file
+        return replace(file, tensors=self._unaliased(file.tensors))
+
+    def _unaliased(self, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        """The tensors with every aliased one under its first key too, under whichever it was found."""
+        named = dict(tensors)
+        for spec in self.specs:
+            found = next((key for key in (spec.key, *spec.aliases) if key in tensors), None)
+            if found is not None:
+                named.setdefault(spec.key, tensors[found])
+        return named
 
     def _left_out(self, keys: Mapping[str, torch.Tensor]) -> list[str]:
         """Optional parts the file has and the network, by its options, does not."""
         return [key for key in keys if self.architecture.is_optional(key)]
 
-    def base(self, member: Member, file: CheckpointFile) -> tuple[Checked, dict[str, str]]:
-        """The base, checked whole, and the digest of each of its tensors."""
+    def base(self, member: Member, file: CheckpointFile) -> tuple[Checked, FileRecord]:
+        """The base, checked whole, and what identifies each of its tensors."""
+        record = self.contents(file)
+        return _checked(member, file, record.fingerprint), record
+
+    def contents(self, file: CheckpointFile) -> FileRecord:
+        """Read every tensor once: refuse values that are not finite, fingerprint the rest.
+
+        A file the cache knows is not read.
+        """
+        known = self.cache.file(file.path, self.architecture.name) if self.cache else None
+        if known is not None:
+            return known
         digests = {}
         for key, tensor in file.tensors.items():
-            check_values(member.path, key, tensor)
+            check_values(file.path, key, tensor)
             digests[key] = tensor_digest(tensor)
-        return _checked(member, file, fingerprint(digests)), digests
+        record = FileRecord(fingerprint(digests), digests)
+        if self.cache is not None:
+            self.cache.remember(file.path, self.architecture.name, record)
+        return record
 
     def source(
         self,
         member: Member,
         file: CheckpointFile,
         base: CheckpointFile,
-        base_digests: Mapping[str, str],
+        base_record: FileRecord,
         order: Sequence[TensorSpec],
     ) -> Staged:
         """A source, checked whole, with the task vector of every tensor it changed.
@@ -133,27 +165,54 @@ class PoolOpener:
             member: the source.
             file: its opened file.
             base: the base's opened file.
-            base_digests: key -> digest of the base's tensors.
+            base_record: what identifies the base's tensors.
             order: the mergeable tensors in canonical (buffer) order.
         """
-        digests = {}
-        for key, tensor in file.tensors.items():
-            check_values(member.path, key, tensor)
-            digests[key] = tensor_digest(tensor)
-        changed = tuple(s for s in order if s.key in digests and digests[s.key] != base_digests.get(s.key))
-        size = sum(spec.size for spec in changed)
-        values = allocate(size, mapped=size * 4 > MAPPED_ABOVE)
-        sums, offset = KinshipSums(), 0
-        for spec in changed:
-            ours, theirs = file.tensors[spec.key], base.tensors[spec.key]
-            torch.sub(ours.float(), theirs.float(), out=values[offset : offset + spec.size].view(spec.shape))
-            offset += spec.size
-            if spec.kind is Kind.WEIGHT:
-                sums.add(theirs, ours)
-        absent = tuple(spec.key for spec in order if spec.key not in file.tensors)
+        record = self.contents(file)
+        digests = record.digests
+        changed = tuple(
+            s for s in order if s.key in digests and digests[s.key] != base_record.digests.get(s.key)
+        )
+        absent = tuple(spec.key for spec in order if spec.key not in digests)
+        key = vector_key(base_record.fingerprint, record.fingerprint, "\n".join(s.key for s in changed))
+        kinship, values = self._vector(key, file, base, changed)
         thawed = tuple(spec.key for spec in changed if self.architecture.is_frozen(spec.key))
-        checked = _checked(member, file, fingerprint(digests), absent, sums.kinship())
+        checked = _checked(member, file, record.fingerprint, absent, kinship)
         return Staged(replace(checked, thawed=thawed), changed, values)
+
+    def _vector(
+        self, key: str, file: CheckpointFile, base: CheckpointFile, changed: Sequence[TensorSpec]
+    ) -> tuple[Kinship, torch.Tensor]:
+        """The task vector over ``changed``, packed in that order: from the cache, or computed and kept."""
+        size = sum(spec.size for spec in changed)
+        if self.cache is None or size * 4 <= MAPPED_ABOVE:
+            values = allocate(size, mapped=size * 4 > MAPPED_ABOVE)
+            return _subtract(file, base, changed, values), values
+        known = self.cache.vector(key)
+        if known is None:
+            with self.cache.writing(key, size) as buffer:
+                kinship = _subtract(file, base, changed, buffer)
+            self.cache.describe(key, VectorRecord(kinship.cosine, kinship.distance, str(file.path)))
+            known = self.cache.vector(key)
+        if known is None:
+            raise SfkitError(
+                f"{self.cache.folder}: a task vector just cached there is gone, is the disk full?"
+            )
+        return Kinship(known[0].cosine, known[0].distance), known[1]
+
+
+def _subtract(
+    file: CheckpointFile, base: CheckpointFile, changed: Sequence[TensorSpec], out: torch.Tensor
+) -> Kinship:
+    """Write source minus base of each tensor into ``out``, one after the other; how near the two lie."""
+    sums, offset = KinshipSums(), 0
+    for spec in changed:
+        ours, theirs = file.tensors[spec.key], base.tensors[spec.key]
+        torch.sub(ours.float(), theirs.float(), out=out[offset : offset + spec.size].view(spec.shape))
+        offset += spec.size
+        if spec.kind is Kind.WEIGHT:
+            sums.add(theirs, ours)
+    return sums.kinship()
 
 
 def _checked(

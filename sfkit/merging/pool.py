@@ -17,6 +17,7 @@ from sfkit.checkpoints.checks import TensorSpec
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.errors import InputError, SfkitWarning, unknown_name
 from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.cache import VectorCache
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.linear import merge_flat
 from sfkit.merging.live import LiveModel
@@ -189,8 +190,11 @@ class Pool:
         )
 
 
-def open_pool(path: str | Path | PoolSpec) -> Pool:
+def open_pool(path: str | Path | PoolSpec, *, cache: VectorCache | None = None) -> Pool:
     """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
+
+    Task vectors of big networks are kept in ``cache`` (the user's, unless given), so that a second
+    opening reads no checkpoint that has not changed.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where a source does not look like a fine-tune of the base
     or lacks an optional part.
@@ -205,13 +209,13 @@ def open_pool(path: str | Path | PoolSpec) -> Pool:
     specs = skeleton(entry, options)
     partition = BlockPartition.of(spec.blocks or entry.blocks(options))
     partition.check(spec.key for spec in specs)
-    opener = PoolOpener(entry, options, specs)
+    opener = PoolOpener(entry, options, specs, cache or VectorCache())
     base_file, *files = opener.headers((spec.base, *spec.sources))
     base_file = base_file or opener.read(spec.base.path, is_base=True)
-    base, digests = opener.base(spec.base, base_file)
+    base, record = opener.base(spec.base, base_file)
     order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
     staged = [
-        opener.source(member, file or opener.read(member.path, is_base=False), base_file, digests, order)
+        opener.source(member, file or opener.read(member.path, is_base=False), base_file, record, order)
         for member, file in zip(spec.sources, files, strict=True)
     ]
     sources = [source.member for source in staged]

@@ -1,0 +1,198 @@
+"""Cached task vectors: a big pool is read once, and opened again without reading its files.
+
+Task vectors above ``MAPPED_ABOVE`` bytes are kept as raw float32 files, named by the content they were
+made from. A file counts as unchanged while its size and modification time are what they were when it
+was read. The folder is ``SFKIT_CACHE``, or the user's cache folder; ``sfkit cache`` shows and clears it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+import torch
+
+from sfkit.checkpoints.fingerprints import text_digest
+from sfkit.errors import InputError
+
+LIMIT = 40 << 30  # bytes; the task vectors used longest ago go first
+VERSION = 1  # of what is cached: a change makes old entries unknown
+
+
+@dataclass(frozen=True)
+class FileRecord:
+    """What reading a checkpoint once has told: its identity, and each tensor's."""
+
+    fingerprint: str
+    digests: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class VectorRecord:
+    """A cached task vector's description, beside its values.
+
+    Attributes:
+        cosine: of source to base; see :class:`~sfkit.checkpoints.checks.Kinship`.
+        distance: likewise.
+        source: the file it was made from, for the listing.
+    """
+
+    cosine: float
+    distance: float
+    source: str
+
+
+@dataclass(frozen=True)
+class CacheEntry:
+    """One cached task vector as the listing shows it: when it was last used, in seconds since 1970."""
+
+    name: str
+    source: str
+    size_bytes: int
+    used: float
+
+
+class VectorCache:
+    """The cache in one folder.
+
+    Args:
+        folder: where; ``SFKIT_CACHE`` or the user's cache folder by default.
+        limit: bytes of task vectors to keep.
+    """
+
+    def __init__(self, folder: Path | None = None, *, limit: int = LIMIT) -> None:
+        self.folder = folder or default_folder()
+        self.limit = limit
+
+    def file(self, path: Path, architecture: str) -> FileRecord | None:
+        """What is known of a checkpoint, read as one architecture names its keys, if it has not changed."""
+        values = _read(self._file(path, architecture))
+        if values is None or values.get("signature") != _signature(path):
+            return None
+        return FileRecord(values["fingerprint"], values["digests"])
+
+    def remember(self, path: Path, architecture: str, record: FileRecord) -> None:
+        """Keep what reading a checkpoint has told."""
+        values = {"path": str(path), "signature": _signature(path), **asdict(record)}
+        _write(self._file(path, architecture), values)
+
+    def vector(self, key: str) -> tuple[VectorRecord, torch.Tensor] | None:
+        """A cached task vector, mapped; None where there is none."""
+        values, target = _read(self._vector(key, ".json")), self._vector(key, ".f32")
+        if values is None or not target.is_file():
+            return None
+        record = VectorRecord(values["cosine"], values["distance"], values["source"])
+        os.utime(target)  # used now: trimming spares it
+        return record, map_file(target, target.stat().st_size // 4, writable=False)
+
+    @contextmanager
+    def writing(self, key: str, elements: int) -> Iterator[torch.Tensor]:
+        """A mapped (elements,) float32 buffer to fill; the file bears its name only once that is done."""
+        target = self._vector(key, ".f32")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = target.with_name(f".{target.name}.{os.getpid()}")
+        try:
+            with temporary.open("wb") as stream:
+                stream.truncate(elements * 4)
+            yield map_file(temporary, elements)
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+
+    def describe(self, key: str, record: VectorRecord) -> None:
+        """Write a filled buffer's description, which makes it known; then keep to the limit."""
+        _write(self._vector(key, ".json"), asdict(record))
+        self.trim(spare=key)
+
+    def entries(self) -> list[CacheEntry]:
+        """All cached task vectors, the one used last first."""
+        found = []
+        for path in self._folder("vectors").glob("*.f32"):
+            values = _read(path.with_suffix(".json")) or {}
+            stat = path.stat()
+            found.append(CacheEntry(path.stem, str(values.get("source", "")), stat.st_size, stat.st_mtime))
+        return sorted(found, key=lambda entry: -entry.used)
+
+    def trim(self, *, spare: str = "") -> None:
+        """Drop the task vectors used longest ago until the rest fits the limit."""
+        kept = 0
+        for entry in self.entries():
+            kept += entry.size_bytes
+            if kept > self.limit and entry.name != spare:
+                self._drop(entry.name)
+
+    def clear(self) -> int:
+        """Drop everything; returns the bytes of task vectors that were freed."""
+        freed = 0
+        for entry in self.entries():
+            freed += entry.size_bytes
+            self._drop(entry.name)
+        for path in self._folder("files").glob("*.json"):
+            path.unlink(missing_ok=True)
+        return freed
+
+    def _drop(self, name: str) -> None:
+        # A process that has it mapped keeps its pages: the name goes, not the data.
+        for suffix in (".json", ".f32"):
+            self._vector(name, suffix).unlink(missing_ok=True)
+
+    def _file(self, path: Path, architecture: str) -> Path:
+        return self._folder("files") / f"{text_digest(f'{architecture} {path.absolute()}')}.json"
+
+    def _vector(self, key: str, suffix: str) -> Path:
+        return self._folder("vectors") / f"{key}{suffix}"
+
+    def _folder(self, name: str) -> Path:
+        return self.folder / f"v{VERSION}" / name
+
+
+def default_folder() -> Path:
+    """``SFKIT_CACHE``, or ``sfkit`` in the user's cache folder.
+
+    Raises:
+        InputError: ``SFKIT_CACHE`` names a file.
+    """
+    folder = Path(os.environ.get("SFKIT_CACHE") or platformdirs.user_cache_dir("sfkit"))
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: SFKIT_CACHE names a file, expected a folder")
+    return folder
+
+
+def vector_key(base: str, source: str, order: str) -> str:
+    """The name of a task vector: what it was made from, and the order its tensors lie in."""
+    return text_digest(f"{base}\n{source}\n{order}")
+
+
+def map_file(path: Path, elements: int, *, writable: bool = True) -> torch.Tensor:
+    """A file of float32 values as a tensor of shape (elements,) made of its pages.
+
+    Without ``writable`` a write would go to a copy of the page, never to the file.
+    """
+    return torch.from_file(str(path), shared=writable, size=elements, dtype=torch.float32)
+
+
+def _signature(path: Path) -> list[int]:
+    stat = path.stat()
+    return [stat.st_size, stat.st_mtime_ns, stat.st_ino]
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    """A JSON file of ours; one that is missing or torn counts as unknown and is made anew."""
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, json.JSONDecodeError, UnicodeDecodeError):
+        return None
+    return values if isinstance(values, dict) else None
+
+
+def _write(path: Path, values: Mapping[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(json.dumps(values), encoding="utf-8")
+    temporary.replace(path)
