@@ -11,8 +11,7 @@ import pytest
 import torch
 
 from sfkit.architectures import architecture
-from sfkit.architectures.anynet import AnyNet, Trace
-from sfkit.architectures.anynet.aggregation import Route
+from sfkit.architectures.anynet import AnyNet, Route, Trace
 
 Weights = dict[str, torch.Tensor]
 
@@ -100,8 +99,7 @@ def test_every_stage_equals_the_golden_arrays(
     route: Route,
 ) -> None:
     network = _network(weights[name], dtype, align_corners=MODES[mode])
-    for stack in network.volume_postprocess:
-        stack.route = route
+    network.use_route(route)
     trace = _trace(network, arrays, image, dtype)
     largest, mean, largest_low = TOLERANCES[dtype]
     compared = 0

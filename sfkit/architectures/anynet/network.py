@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import torch
 import torch.nn.functional as F
 from torch import nn
 
-from sfkit.architectures.anynet.aggregation import VolumeStack, soft_argmin
+from sfkit.architectures.anynet.aggregation import Route, VolumeStack, soft_argmin
 from sfkit.architectures.anynet.features import FeatureExtractor, Features
 from sfkit.architectures.anynet.refinement import refine, spatial_propagation
 from sfkit.architectures.anynet.volumes import full_volume, residual_volume
@@ -61,7 +62,7 @@ class AnyNet(nn.Module):
         spn: with the propagation stage; without it there are no ``refine_spn`` weights.
 
     Raises:
-        InputError: ``ranges`` is not three whole numbers of at least 2.
+        InputError: ``ranges`` is not three whole numbers of at least 2, or a switch is not true or false.
     """
 
     def __init__(
@@ -69,10 +70,10 @@ class AnyNet(nn.Module):
     ) -> None:
         super().__init__()
         self.ranges = _checked_ranges(ranges)
-        self.align_corners = align_corners
+        self.align_corners = _checked_switch("align_corners", align_corners)
         self.feature_extraction = FeatureExtractor()
         self.volume_postprocess = nn.ModuleList([VolumeStack(width) for width in STACK_WIDTHS])
-        self.refine_spn = spatial_propagation() if spn else None
+        self.refine_spn = spatial_propagation() if _checked_switch("spn", spn) else None
         self.apply(_initialise)
 
     def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
@@ -103,6 +104,11 @@ class AnyNet(nn.Module):
         if self.refine_spn is not None:
             disparities.append(refine(self.refine_spn, left, disparities[-1]))
         return Trace(tuple(low), tuple(disparities))
+
+    def use_route(self, route: Route) -> None:
+        """Compute the 3-D convolutions by ``route`` from now on; results agree within rounding."""
+        for stack in self.volume_postprocess:
+            cast(VolumeStack, stack).route = route
 
     def _low(
         self, stage: int, left: torch.Tensor, right: torch.Tensor, previous: torch.Tensor | None
@@ -146,6 +152,14 @@ def _checked_ranges(ranges: Sequence[int]) -> tuple[int, int, int]:
             "give for example [12, 3, 3]"
         )
     return values[0], values[1], values[2]
+
+
+def _checked_switch(name: str, value: bool) -> bool:
+    if type(value) is not bool:
+        raise InputError(
+            f"{name} of architecture 'anynet' is {value!r}, expected true or false: write it without quotes"
+        )
+    return value
 
 
 def _check_images(left: torch.Tensor, right: torch.Tensor) -> None:

@@ -1,0 +1,93 @@
+"""Time of one AnyNet disparity map on the CPU: plain Conv3d against the fast route.
+
+    python benchmarks/anynet_speed.py
+    python benchmarks/anynet_speed.py --json
+
+Everything but the 3-D convolutions is the same on both routes. The two take turns and the shortest time
+of each counts, because on a busy machine only that repeats.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import torch
+
+from sfkit.architectures.anynet import AnyNet, Route
+
+SIZES = ((256, 512), (384, 1248), (496, 752))
+THREADS = (1, 2)
+
+
+@dataclass(frozen=True)
+class Record:
+    """Milliseconds of a whole forward pass of one height x width pair, propagation stage included."""
+
+    height: int
+    width: int
+    threads: int
+    plain_ms: float
+    fast_ms: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times faster the fast route is."""
+        return self.plain_ms / self.fast_ms
+
+
+def measure(
+    *, sizes: Sequence[tuple[int, int]] = SIZES, threads: Sequence[int] = THREADS, repeats: int = 7
+) -> list[Record]:
+    """Both routes at every size (height, width in pixels, multiples of 16) and number of threads.
+
+    Weights and images are random: they do not change the time.
+    """
+    network = AnyNet().eval()
+    before = torch.get_num_threads()
+    records = []
+    try:
+        for count in threads:
+            torch.set_num_threads(count)
+            for height, width in sizes:
+                plain, fast = _times(network, height, width, repeats)
+                records.append(Record(height, width, count, plain, fast))
+    finally:
+        torch.set_num_threads(before)
+    return records
+
+
+def _times(network: AnyNet, height: int, width: int, repeats: int) -> tuple[float, float]:
+    left, right = torch.rand(2, 1, 3, height, width, generator=torch.Generator().manual_seed(0))
+    best = {route: float("inf") for route in Route}
+    for _ in range(repeats + 1):  # the first pass prepares the kernels and is never the shortest
+        for route in Route:
+            network.use_route(route)
+            start = time.perf_counter()
+            with torch.inference_mode():
+                network(left, right)
+            best[route] = min(best[route], 1e3 * (time.perf_counter() - start))
+    return best[Route.PLAIN], best[Route.FAST]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
+    options = parser.parse_args(arguments)
+    records = measure(repeats=options.repeats)
+    if options.json:
+        print(json.dumps([{**asdict(r), "ratio": r.ratio} for r in records], indent=2))
+        return
+    print("size         threads  plain Conv3d   fast route   ratio")
+    for r in records:
+        size = f"{r.height} x {r.width}"
+        print(f"{size:12} {r.threads:7}  {r.plain_ms:9.1f} ms {r.fast_ms:9.1f} ms   {r.ratio:5.2f}")
+
+
+if __name__ == "__main__":
+    main()
