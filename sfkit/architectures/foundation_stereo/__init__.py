@@ -10,6 +10,8 @@ images ─► monocular (vit, dense_head) ─┐
            (disparity_transformer)     │
                        ▼               ▼
                      lookup ──────► update ──► upsampling ──► disparity
+
+Our own code, after the paper. Weights are not part of sfkit: NVIDIA publishes them under its own terms.
 """
 
 from sfkit.architectures.foundation_stereo.builder import foundation_stereo

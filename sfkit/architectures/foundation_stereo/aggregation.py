@@ -62,9 +62,11 @@ class AxialPlanarConv(nn.Module):
     def __init__(self, channels: int) -> None:
         super().__init__()
         self.conv1 = nn.Sequential(
-            nn.Conv3d(channels, channels, (1, 3, 3), padding=(0, 1, 1)), nn.BatchNorm3d(channels), nn.ReLU()
+            nn.Conv3d(channels, channels, (1, 3, 3), padding=(0, 1, 1)),
+            nn.BatchNorm3d(channels),
+            nn.ReLU(inplace=True),
         )
-        self.conv2 = nn.Sequential(AxialConv(channels), nn.BatchNorm3d(channels), nn.ReLU())
+        self.conv2 = nn.Sequential(AxialConv(channels), nn.BatchNorm3d(channels), nn.ReLU(inplace=True))
 
     def forward(self, volume: Tensor) -> Tensor:
         """(B, channels, D, h, w) -> the same shape."""

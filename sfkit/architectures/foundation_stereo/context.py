@@ -45,7 +45,7 @@ class ContextNetwork(nn.Module):
             left: the normalised left image, (B, 3, H, W).
             monocular: its monocular features, (B, V, H / 4, W / 4).
         """
-        x = torch.relu(self.norm1(self.conv1(left)))
+        x = torch.relu_(self.norm1(self.conv1(left)))
         x = self.layer3(self.layer2(self.layer1(x)))
         quarter = self.conv2(torch.cat([x, monocular], dim=1))
         eighth = self.layer4(quarter)

@@ -23,7 +23,7 @@ class ConvUnit(nn.Module):
         super().__init__()
         self.conv = conv
         self.bn = norm if norm is not None else nn.Identity()
-        self.activation = nn.LeakyReLU(LEAKY_SLOPE)
+        self.activation = nn.LeakyReLU(LEAKY_SLOPE, inplace=True)
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, C_in, ...) -> (B, C_out, ...)."""
@@ -43,8 +43,8 @@ class PlainResidual(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, channels, ...) -> the same shape."""
-        inner = torch.relu(self.bn1(self.conv1(x)))
-        return torch.relu(x + self.bn2(self.conv2(inner)))
+        inner = torch.relu_(self.bn1(self.conv1(x)))
+        return torch.relu_(self.bn2(self.conv2(inner)).add_(x))
 
 
 class RectifiedResidual(nn.Module):
@@ -67,9 +67,9 @@ class RectifiedResidual(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(B, c_in, H, W) -> (B, c_out, H / stride, W / stride)."""
-        inner = torch.relu(self.norm1(self.conv1(x)))
-        inner = torch.relu(self.norm2(self.conv2(inner)))
-        return torch.relu(self.downsample(x) + inner)
+        inner = torch.relu_(self.norm1(self.conv1(x)))
+        inner = torch.relu_(self.norm2(self.conv2(inner)))
+        return torch.relu_(self.downsample(x) + inner)
 
 
 class UpsampleFuse(nn.Module):

@@ -102,7 +102,7 @@ class VisionTransformer(nn.Module):
 
         The stored grid is resampled bicubically by the factors (rows + 0.1) / 37 and (cols + 0.1) / 37,
         and positions are computed from these factors, not from the sizes: with the sizes alone the
-        published weights give another disparity (several pixels at full resolution).
+        disparity changes by several pixels (measured on random weights).
         """
         grid = self.pos_embed[:, 1:].view(1, GRID, GRID, -1).permute(0, 3, 1, 2)
         if (rows, cols) != (GRID, GRID):
