@@ -14,7 +14,7 @@ Open a pool, search which sources to merge (Stage 1) and how (Stage 2), write on
 
 from importlib.metadata import version
 
-from sfkit.architectures import InputConvention, PadSides, architectures, register_architecture
+from sfkit.architectures import InputConvention, PadSides, register_architecture
 from sfkit.checkpoints import FileForm, read_checkpoint
 from sfkit.datasets.benchmark import Benchmark, open_benchmark
 from sfkit.datasets.check import check_data
@@ -67,7 +67,6 @@ __all__ = [
     "StoreError",
     "SubsetSearch",
     "SubsetSettings",
-    "architectures",
     "check_data",
     "estimate",
     "load_network",
