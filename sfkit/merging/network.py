@@ -10,7 +10,8 @@ from typing import Any
 import torch
 from torch import nn
 
-from sfkit.architectures import InputConvention, architecture
+from sfkit.architectures import Architecture, InputConvention, architecture
+from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
 from sfkit.merging.opening import PoolOpener
 from sfkit.merging.saving import read_origin
@@ -43,18 +44,14 @@ def load_network(
         options: the architecture's options; those in the file are the default.
 
     Raises:
-        InputError: the file cannot be read, does not say its architecture, or does not fit it.
+        InputError: the file cannot be read, does not say its architecture, does not fit it, or holds values
+            that are not finite.
     """
     path = Path(path)
-    origin = read_origin(path)
-    if name is None and origin is None:
-        raise InputError(f"{path}: does not say its architecture, name it (--architecture anynet)")
-    entry = architecture(name or str(origin.architecture["name"] if origin else ""))
-    stored = (
-        dict(origin.architecture["options"]) if origin and origin.architecture["name"] == entry.name else {}
-    )
-    chosen = entry.resolve({**stored, **(options or {})}, near=path)
+    entry, chosen = _architecture(path, name, options or {})
     file = PoolOpener(entry, chosen, skeleton(entry, chosen)).read(path, is_base=True)
+    for key, tensor in file.tensors.items():
+        check_values(path, key, tensor)
     network = entry.build(**chosen)
     targets = network.state_dict(keep_vars=True)
     with torch.no_grad():
@@ -62,3 +59,19 @@ def load_network(
             if key in targets:
                 targets[key].copy_(tensor)
     return LoadedNetwork(network.eval().requires_grad_(requires_grad=False), entry.inputs(chosen), entry.name)
+
+
+def _architecture(
+    path: Path, name: str | None, options: Mapping[str, Any]
+) -> tuple[Architecture, dict[str, Any]]:
+    """The registry's entry and all its options: as given, else as the file says."""
+    origin = read_origin(path)
+    if name is None and origin is None:
+        raise InputError(f"{path}: does not say its architecture, name it (--architecture anynet)")
+    said = origin.architecture if origin else {"name": name, "options": {}}
+    try:
+        entry = architecture(name or said["name"])
+        stored = said["options"] if said["name"] == entry.name else {}
+        return entry, entry.resolve({**stored, **options}, near=path)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error

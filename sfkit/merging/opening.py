@@ -21,7 +21,7 @@ from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.layouts import Layout
 from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
 from sfkit.checkpoints.spec import Member
-from sfkit.errors import SfkitError
+from sfkit.errors import InputError, SfkitError
 from sfkit.merging.arena import MAPPED_ABOVE, allocate
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord, vector_key
@@ -112,7 +112,10 @@ class PoolOpener:
             file = replace(file, tensors=tensors)
         if self.architecture.check is not None:
             shapes = {key: tuple(tensor.shape) for key, tensor in file.tensors.items()}
-            self.architecture.check(shapes, self.options)
+            try:
+                self.architecture.check(shapes, self.options)
+            except InputError as error:
+                raise InputError(f"{path}: {error}") from error
         check_keys(path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base)
         return replace(file, tensors=self._unaliased(file.tensors))
 

@@ -139,6 +139,8 @@ class Recipe:
         if values.get("format") != FORMAT:
             raise InputError(f"{where}: found format {values.get('format')!r}, expected {FORMAT!r}")
         try:
+            if not (isinstance(values["sources"], list) and isinstance(values["blocks"], list)):
+                raise TypeError("sources and blocks must be lists")
             sources = tuple(str(name) for name in values["sources"])
             blocks = tuple(str(name) for name in values["blocks"])
             weights = tuple(tuple(float(values["weights"][b][s]) for s in sources) for b in blocks)
@@ -147,7 +149,10 @@ class Recipe:
             raise InputError(f"{where}: the entry {error.args[0]!r} is missing from the recipe") from error
         except (TypeError, ValueError) as error:
             raise InputError(f"{where}: the recipe is malformed ({error})") from error
-        return cls(sources, blocks, weights, scales)
+        try:
+            return cls(sources, blocks, weights, scales)
+        except InputError as error:
+            raise InputError(f"{where}: {str(error).removeprefix('recipe: ')}") from error
 
     @classmethod
     def from_json(cls, text: str, *, where: str = "recipe") -> Recipe:

@@ -17,6 +17,7 @@ from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
 _ENTRIES = ("recipe", "pool", "architecture", "blocks", "base", "sources", "sfkit")
+_MEMBER = ("file", "fingerprint", "licence")
 
 
 @dataclass(frozen=True)
@@ -105,18 +106,44 @@ def read_origin(path: str | Path) -> Origin | None:
         InputError: the file cannot be read, or its metadata is malformed.
     """
     path = Path(path)
-    metadata = dict(read_checkpoint(path).metadata)
+    metadata: object = read_checkpoint(path).metadata
     sidecar = path.with_name(path.name + ".recipe.json")
     if not metadata and sidecar.is_file():
-        metadata = json.loads(sidecar.read_text(encoding="utf-8"))
-    if "sfkit.recipe" not in metadata:
+        path, metadata = sidecar, _json(sidecar, sidecar.read_text(encoding="utf-8", errors="replace"))
+    if not isinstance(metadata, Mapping) or "sfkit.recipe" not in metadata:
         return None
+    missing = [entry for entry in _ENTRIES if f"sfkit.{entry}" not in metadata]
+    if missing:
+        raise InputError(f"{path}: its sfkit metadata lacks {', '.join(missing)}, was it edited?")
+    values = {entry: _json(path, metadata[f"sfkit.{entry}"]) for entry in _ENTRIES}
+    recipe = Recipe.from_dict(_mapping(path, "recipe", values.pop("recipe")), where=str(path))
+    origin = Origin(recipe, **values)
+    _check_origin(path, origin)
+    return origin
+
+
+def _json(path: Path, text: object) -> Any:
     try:
-        values = {key: json.loads(metadata[f"sfkit.{key}"]) for key in _ENTRIES}
-        recipe = Recipe.from_dict(values["recipe"], where=str(path))
-    except (json.JSONDecodeError, KeyError) as error:
-        raise InputError(f"{path}: its sfkit metadata is malformed ({error}), was it edited?") from error
-    return Origin(recipe, **{key: values[key] for key in _ENTRIES if key != "recipe"})
+        return json.loads(str(text))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: its sfkit metadata is no JSON ({error}), was it edited?") from error
+
+
+def _check_origin(path: Path, origin: Origin) -> None:
+    """Refuse metadata that was edited into another form before anything relies on it."""
+    described = _mapping(path, "architecture", origin.architecture, "name", "version", "options")
+    _mapping(path, "options", described["options"])
+    _mapping(path, "blocks", origin.blocks)
+    _mapping(path, "base", origin.base, *_MEMBER)
+    for name, member in _mapping(path, "sources", origin.sources).items():
+        _mapping(path, f"source {name!r}", member, *_MEMBER)
+
+
+def _mapping(path: Path, what: str, value: object, *keys: str) -> Mapping[str, Any]:
+    if not isinstance(value, Mapping) or any(key not in value for key in keys):
+        expected = f"an object with {', '.join(keys)}" if keys else "an object"
+        raise InputError(f"{path}: its sfkit metadata is malformed at {what}, expected {expected}")
+    return value
 
 
 def read_recipe(path: str | Path) -> Recipe:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sfkit.architectures.foundation_stereo.disparity_transformer import DisparityAttention
 from sfkit.architectures.foundation_stereo.network import MULTIPLE, FoundationStereo
-from sfkit.architectures.foundation_stereo.options import check_options
+from sfkit.architectures.foundation_stereo.options import check_options, options_from_config
 from sfkit.architectures.foundation_stereo.sizes import SIZES
 from sfkit.architectures.inputs import InputConvention, PadSides
 from sfkit.architectures.registry import register_architecture
@@ -65,8 +66,21 @@ def check_shapes(shapes: Mapping[str, tuple[int, ...]], options: Mapping[str, An
         )
 
 
+def options_beside(checkpoint: Path) -> dict[str, Any]:
+    """The options of the ``cfg.yaml`` in a checkpoint's folder; none where there is no such file."""
+    config = checkpoint.parent / "cfg.yaml"
+    return options_from_config(config) if config.is_file() else {}
+
+
 @register_architecture(
-    "foundation-stereo", blocks=BLOCKS, inputs=INPUTS, dead=DEAD, check=check_shapes, version="1"
+    "foundation-stereo",
+    blocks=BLOCKS,
+    inputs=INPUTS,
+    dead=DEAD,
+    frozen=(f"{MONOCULAR}*",),
+    check=check_shapes,
+    beside=options_beside,
+    version="1",
 )
 def foundation_stereo(
     *,

@@ -1,4 +1,4 @@
-"""Neural MRF inference at 1/8 resolution (NMRF, CVPR 2024, section 3.3)."""
+"""Neural MRF inference at 1/8 resolution (NMRF, CVPR 2024)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Neural message passing (NMRF, CVPR 2024, section 3.3): between a pixel's candidates, and within windows.
+"""Neural message passing (NMRF, CVPR 2024): between a pixel's candidates, and within windows.
 
 Tokens are (B, h, w, N, c): N candidates a pixel. ``code`` (B, h, w, N, 31) is the candidates'
 disparity code; it is computed once and joins the tokens in every layer.
@@ -60,14 +60,11 @@ class RelativeAttention(nn.Module):
         nn.init.trunc_normal_(self.relative_position_enc_table, std=0.02)
         self.register_buffer("relative_position_index", windows.relative_position_index(window))
 
-    def forward(
-        self, qkv: torch.Tensor, rivals: torch.Tensor | None, strangers: torch.Tensor | None
-    ) -> torch.Tensor:
-        """Messages inside each window.
+    def forward(self, qkv: torch.Tensor, strangers: torch.Tensor | None) -> torch.Tensor:
+        """Messages inside each window; different candidates of one pixel do not hear each other.
 
         Args:
             qkv: (B, windows, T, N, 3 c).
-            rivals: (T, N, T, N), -inf between different candidates of one pixel, else 0.
             strangers: (windows, T, T), -inf between different regions of a shifted window, else 0.
 
         Returns:
@@ -85,10 +82,11 @@ class RelativeAttention(nn.Module):
         by_key = by_key.reshape(HEADS, T, -1, N, T).permute(0, 2, 4, 1, 3)
         if strangers is not None:
             by_query = by_query + strangers.repeat(batch, 1, 1)[:, :, None]
+        # The logits are by far the largest tensor here: everything is added to them in place.
         logits = q.flatten(2, 3) @ k.flatten(2, 3).transpose(-1, -2)
-        logits = logits.reshape(HEADS, -1, T, N, T, N) + by_query[..., None] + by_key[:, :, :, None]
-        if rivals is not None:
-            logits = logits + rivals
+        logits = logits.reshape(HEADS, -1, T, N, T, N).add_(by_query[..., None]).add_(by_key[:, :, :, None])
+        rivals = ~torch.eye(N, dtype=torch.bool, device=logits.device)
+        logits.diagonal(dim1=2, dim2=4).masked_fill_(rivals[:, :, None], -math.inf)
         weights = logits.flatten(-2).softmax(-1)
         out = weights.flatten(2, 3) @ v.flatten(2, 3)
         by_position = self._per_position(weights.reshape(logits.shape).sum(-1)) @ value_code
@@ -121,16 +119,15 @@ class WindowMessages(nn.Module):
         self.norm2 = nn.LayerNorm(width)
         self.mlp = FeedForward(width, 4 * width, width)
 
-    def forward(
-        self, x: torch.Tensor, code: torch.Tensor, rivals: torch.Tensor | None, strangers: torch.Tensor
-    ) -> torch.Tensor:
+    def forward(self, x: torch.Tensor, code: torch.Tensor, strangers: torch.Tensor) -> torch.Tensor:
         """Tokens and code -> tokens, (B, h, w, N, c), h and w multiples of the window."""
         height, width = x.shape[1:3]
         t = self.norm1(x)
-        qkv = self.qkv(torch.cat((t, code.to(t.dtype)), -1))
+        t = torch.cat((t, code.to(t.dtype)), -1)
         if self.shift:
-            qkv = qkv.roll((-self.shift, -self.shift), (1, 2))
-        tiles = self.attn(windows.cut(qkv, self.window), rivals, strangers if self.shift else None)
+            t = t.roll((-self.shift, -self.shift), (1, 2))
+        # Cut first, project second: the same, and less to move.
+        tiles = self.attn(self.qkv(windows.cut(t, self.window)), strangers if self.shift else None)
         out = windows.join(tiles, self.window, height, width)
         if self.shift:
             out = out.roll((self.shift, self.shift), (1, 2))
@@ -147,13 +144,11 @@ class Layer(nn.Module):
         self.self_nmp = CandidateMessages(width) if candidates > 1 else None
         self.nmp = WindowMessages(width, window, shifted)
 
-    def forward(
-        self, x: torch.Tensor, code: torch.Tensor, rivals: torch.Tensor | None, strangers: torch.Tensor
-    ) -> torch.Tensor:
+    def forward(self, x: torch.Tensor, code: torch.Tensor, strangers: torch.Tensor) -> torch.Tensor:
         """Tokens and code -> tokens, (B, h, w, N, c)."""
         if self.self_nmp is not None:
             x = self.self_nmp(x, code)
-        y: torch.Tensor = self.nmp(x, code, rivals, strangers)
+        y: torch.Tensor = self.nmp(x, code, strangers)
         return y
 
 
@@ -182,27 +177,19 @@ class MessageStack(nn.Module):
         Returns:
             Normalised tokens (B, h, w, N, c): of every layer in training, else of the last alone.
         """
-        height, width, candidates = unary.shape[1:4]
+        height, width = unary.shape[1:3]
         top, left = (-height % self.window) // 2, (-width % self.window) // 2
         bottom, right = -height % self.window - top, -width % self.window - left
         x, code = (F.pad(y, (0, 0, 0, 0, left, right, top, bottom)) for y in (self.ffn(unary), code))
-        rivals, strangers = self._masks(x, candidates)
+        strangers = self._strangers(x)
         outputs = []
         for i, layer in enumerate(self.layers):
-            x = layer(x, code, rivals, strangers)
+            x = layer(x, code, strangers)
             if self.training or i == len(self.layers) - 1:
                 outputs.append(self.norm(x[:, top : top + height, left : left + width]))
         return outputs
 
-    def _masks(self, x: torch.Tensor, candidates: int) -> tuple[torch.Tensor | None, torch.Tensor]:
-        """What :class:`RelativeAttention` adds to its logits; one candidate has no rivals."""
+    def _strangers(self, x: torch.Tensor) -> torch.Tensor:
+        """What shifted layers add to their logits, (windows, T, T)."""
         foreign = windows.strangers(x.shape[1:3], self.window, x.device)
-        strangers = torch.zeros(foreign.shape, dtype=x.dtype, device=x.device).masked_fill_(
-            foreign, -math.inf
-        )
-        if candidates == 1:
-            return None, strangers
-        pixel = torch.eye(self.window**2, dtype=torch.bool, device=x.device)[:, None, :, None]
-        other = ~torch.eye(candidates, dtype=torch.bool, device=x.device)[None, :, None, :]
-        rivals = torch.zeros((self.window**2, candidates) * 2, dtype=x.dtype, device=x.device)
-        return rivals.masked_fill_(pixel & other, -math.inf), strangers
+        return torch.zeros(foreign.shape, dtype=x.dtype, device=x.device).masked_fill_(foreign, -math.inf)

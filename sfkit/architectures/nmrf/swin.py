@@ -41,9 +41,9 @@ class WindowAttention(nn.Module):
         """(B, windows, T, c) -> same; ``penalty`` (windows, 1, T, T) is added to the logits."""
         batch, count, tokens, width = x.shape
         q, k, v = self.qkv(x).reshape(batch, count, tokens, 3, self.heads, -1).permute(3, 0, 1, 4, 2, 5)
-        logits = (q * q.shape[-1] ** -0.5) @ k.transpose(-1, -2) + self._bias()
+        logits = ((q * q.shape[-1] ** -0.5) @ k.transpose(-1, -2)).add_(self._bias())
         if penalty is not None:
-            logits = logits + penalty
+            logits.add_(penalty)
         out = logits.softmax(-1) @ v
         y: torch.Tensor = self.proj(out.transpose(2, 3).reshape(batch, count, tokens, width))
         return y
@@ -138,8 +138,8 @@ class PatchEmbedding(nn.Module):
 class SwinBackbone(nn.Module):
     """Normalised images -> four maps of tokens.
 
-    ``drop_path`` is the highest rate of stochastic depth; block i of n has i / (n - 1) of it (Swin
-    Transformer, appendix A2). It acts only in training mode, and only with a generator.
+    ``drop_path`` is the highest rate of stochastic depth; block i of n has i / (n - 1) of it, the
+    linear rule of Huang et al. (ECCV 2016). It acts only in training mode, and only with a generator.
     """
 
     def __init__(self, drop_path: float) -> None:
