@@ -1,6 +1,6 @@
 """Linear merging: the base plus a weighted sum of task vectors, segment by segment.
 
-StereoFactory eq. 8 for parameters; section 4.5, "Batch Normalization Handling", for running statistics.
+StereoFactory eq. 12 for parameters; section 4.4, "Batch Normalization Handling", for running statistics.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Recipes: what to merge, in which proportion, how strongly, block by block.
 
-A recipe says theta_b = base_b + gamma_b * sum_e pi[b, e] * tau_e,b (StereoFactory, eq. 8). It names
+A recipe says theta_b = base_b + gamma_b * sum_e pi[b, e] * tau_e,b (StereoFactory, eq. 12). It names
 sources and blocks and holds numbers, no tensors, so that searches can propose one, the evaluation
 store can key it, and a merged file can carry it.
 """
