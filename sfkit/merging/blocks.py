@@ -17,7 +17,7 @@ OUTSIDE = -1  # the block number of a tensor that no pattern matches
 class BlockPartition:
     """B named blocks in order; a key belongs to the first block one of whose globs matches it.
 
-    The paper's blocks are backbone, neck, cost volume and head (section 4.1). A key outside every
+    The paper's blocks are backbone, neck, cost volume and head (section 4.4). A key outside every
     block follows the first block's routing weights with a module scale of 1.
     """
 
