@@ -80,9 +80,9 @@ class RoutingTrace:
         return drawn_points(len(self), changes.tolist(), limit)
 
     def iterations(self, limit: int = LIMIT) -> Whole:
-        """Numbers of the first evaluations of at most ``limit`` generations."""
+        """Numbers of the first evaluations of fewer than ``limit`` generations, and of the last one of all."""
         first = np.flatnonzero(np.diff(self.generation, prepend=-1))
-        return np.asarray(first[drawn_points(len(first), limit=limit)], dtype=np.int64)
+        return np.union1d(first[drawn_points(len(first), limit=limit - 1)], [len(self) - 1])
 
 
 def routing_trace(search: RoutingSearch, *, metric: str | None = None) -> RoutingTrace:

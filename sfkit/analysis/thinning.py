@@ -17,12 +17,12 @@ def drawn_points(count: int, keep: Iterable[int] = (), limit: int = LIMIT) -> ND
     Args:
         count: how many points there are, at least 0.
         keep: positions that matter more than others (where something changed); they are all in where
-            they fill no more than half of the limit.
+            they fill no more than half of the limit and leave room for both ends.
         limit: at least 2.
     """
     if count <= limit:
         return np.arange(count, dtype=np.int64)
     wanted = np.unique(np.fromiter(keep, dtype=np.int64))
-    wanted = wanted if len(wanted) <= limit // 2 else wanted[:0]
+    wanted = wanted if len(wanted) <= min(limit // 2, limit - 2) else wanted[:0]
     even = np.linspace(0, count - 1, limit - len(wanted)).round().astype(np.int64)
     return np.union1d(even, wanted)

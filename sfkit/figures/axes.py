@@ -17,6 +17,11 @@ def beyond(scores: Iterable[float]) -> float:
     return max(finite) + 0.06 * span
 
 
+def whole_ticks(first: int, last: int, most: int = 8) -> list[int]:
+    """At most ``most`` whole numbers from ``first`` on, evenly apart, none above ``last``."""
+    return list(range(first, last + 1, max(1, -(-(last - first + 1) // most))))
+
+
 def log_ticks(values: Iterable[float]) -> list[float]:
     """1, 2 and 5 times powers of ten around the positive values; their ends where that gives too few."""
     positive = [value for value in values if 0.0 < value < math.inf]

@@ -16,7 +16,7 @@ from plotly.subplots import make_subplots
 from sfkit.analysis.labels import metric_label, score_text
 from sfkit.analysis.populations import Individual, PopulationHistory
 from sfkit.analysis.thinning import drawn_points
-from sfkit.figures.axes import FAILED_NAME, beyond
+from sfkit.figures.axes import FAILED_NAME, beyond, whole_ticks
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
 
 MIN_PANEL, SPACING = 150, 0.04
@@ -170,8 +170,11 @@ def _axes(figure: go.Figure, history: PopulationHistory, shown: int) -> None:
     figure.update_xaxes(title_text=metric_label(history.metric), row=2, col=2)
     figure.update_yaxes(tickformat="d", showgrid=False)
     time, ranks = [history.generations - 0.5, -0.5], [shown + 0.5, 0.5]
-    figure.update_yaxes(title_text="generation (number)", range=time, row=1, col=1)
-    figure.update_yaxes(title_text="individual (rank)", range=ranks, row=2, col=1)
+    numbers = whole_ticks(0, history.generations - 1)
+    figure.update_yaxes(title_text="generation (number)", range=time, tickvals=numbers, row=1, col=1)
+    figure.update_yaxes(
+        title_text="individual (rank)", range=ranks, tickvals=whole_ticks(1, shown), row=2, col=1
+    )
 
 
 def _answer(history: PopulationHistory, shown: int) -> str:

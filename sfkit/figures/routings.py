@@ -86,8 +86,14 @@ def scales_figure(trace: RoutingTrace, *, theme: str = "auto", height: int | Non
     margin = 0.06 * (high - low)
     for b in range(blocks):
         _over_time(figure, trace, trace.scales[:, b], b + 1, 1, "module scale", {"color": ACCENT}, b == 0)
-        figure.update_yaxes(range=[low - margin, high + margin], tickvals=[low, 1.0, high], row=b + 1, col=1)
-        for value, dash, width in ((low, "dot", 1), (1.0, "solid", 1.5), (high, "dot", 1)):
+        figure.update_yaxes(
+            range=[low - margin, high + margin],
+            tickvals=[low, 1.0, high],
+            showgrid=False,
+            row=b + 1,
+            col=1,
+        )
+        for value, dash, width in ((low, "dash", 1), (1.0, "solid", 1.5), (high, "dash", 1)):
             line = {"color": look.muted, "dash": dash, "width": width}
             figure.add_hline(y=value, line=line, layer="below", row=b + 1, col=1)
     figure.update_yaxes(title_text="scale (factor)", row=(blocks + 1) // 2, col=1)
@@ -175,7 +181,7 @@ def _over_time(
             x=drawn,
             y=values[drawn].tolist(),
             mode="markers",
-            marker={"size": 4, "color": style["color"], "opacity": 0.35},
+            marker={"size": 4, "color": style["color"], "opacity": 0.5},
             name=name,
             legendgroup=name,
             showlegend=False,
