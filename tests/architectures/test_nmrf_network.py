@@ -68,6 +68,15 @@ def test_training_and_evaluation_mode_give_the_same_disparity(networks: dict[str
     assert [d.shape for d in trained.aux_refined] == [(1, *SIZE)] * 4
 
 
+def test_scores_are_a_quarter_of_their_heads_output_sub_pixels_row_by_row() -> None:
+    network = _network("nmrf-res").train()
+    torch.nn.init.zeros_(network.infer_score_head.weight)
+    network.infer_score_head.bias.data = torch.arange(64.0)
+    with torch.no_grad():
+        logits = network.estimate(*_tensors()).aux_coarse[0].logits_pred
+    assert torch.equal(logits[0, 8:16, 24:32, 3], torch.arange(64.0).reshape(8, 8) / 4)
+
+
 def test_batch_equals_its_images_one_by_one(networks: dict[str, NMRF]) -> None:
     network = networks["nmrf-res"].double()
     pairs = [[x.double() for x in _tensors(seed)] for seed in (1, 2)]
@@ -172,7 +181,13 @@ def test_seeds_that_do_not_fit_are_refused(networks: dict[str, NMRF]) -> None:
         networks["nmrf-res"].estimate(left, right, seeds=torch.tensor([0, 1, 2, 40]).expand(1, 96, 4))
 
 
-def test_network_builds_on_the_meta_device() -> None:
+@pytest.mark.parametrize(("name", "scalars"), [("nmrf-res", 6_113_210), ("nmrf-swint", 32_548_116)])
+def test_everything_lies_on_the_networks_device(name: str, scalars: int) -> None:
+    """On the meta device, which refuses a tensor left on the CPU as a GPU would."""
     with torch.device("meta"):
-        network = architecture("nmrf-swint").build()
-    assert sum(p.numel() for p in network.parameters()) == 32_548_116
+        network = architecture(name).build()
+    assert sum(p.numel() for p in network.parameters()) == scalars
+    images = torch.zeros(2, 3, *SIZE, device="meta")
+    disparity = network(images, images)
+    assert disparity.device.type == "meta"
+    assert disparity.shape == (2, *SIZE)

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sfkit.architectures.nmrf import heads, windows
+from sfkit.architectures.nmrf import heads
 from sfkit.architectures.nmrf.cost_volume import GROUPS, cost_volume
 from sfkit.architectures.nmrf.deformable import HEADS, POINTS, DeformableAttention
 from sfkit.architectures.nmrf.disparity_code import EIGHTH_UNIT, LENGTH, QUARTER_UNIT, disparity_code
@@ -168,12 +168,9 @@ def test_relative_attention_pair_by_pair() -> None:
     attention = RelativeAttention(c, window)
     _randomise(attention, 12)
     qkv = _random(13, 1, 3, T, N, 3 * c)
-    rivals = torch.zeros(T, N, T, N, dtype=torch.float64)
-    for t in range(T):
-        rivals[t, 0, t, 1] = rivals[t, 1, t, 0] = -math.inf
     strangers = torch.zeros(3, T, T, dtype=torch.float64)
     strangers[2, 0, 3] = strangers[2, 3, 0] = -math.inf
-    found = attention(qkv, rivals, strangers)
+    found = attention(qkv, strangers)
     table = attention.relative_position_enc_table.reshape(-1, 4, 3, per_head)
     for w, i, n, head in np.ndindex(3, T, N, 4):
         q, k, v = (qkv[0, w, :, :, part * c + head * per_head :][..., :per_head] for part in range(3))
@@ -197,44 +194,11 @@ def test_message_stack_pads_with_zero_tokens_on_both_sides() -> None:
     (found,) = stack.pass_messages(unary, code)
     # 7 -> 8: none on top, one below; 9 -> 12: one left, two right.
     tokens = F.pad(stack.ffn(unary), (0, 0, 0, 0, 1, 2, 0, 1))
-    rivals, strangers = stack._masks(tokens, 2)
+    strangers = stack._strangers(tokens)
     padded_code = F.pad(code, (0, 0, 0, 0, 1, 2, 0, 1))
     for layer in stack.layers:
-        tokens = layer(tokens, padded_code, rivals, strangers)
+        tokens = layer(tokens, padded_code, strangers)
     assert torch.equal(found, stack.norm(tokens[:, :7, 1:10]))
-
-
-@given(rows=st.integers(1, 3), cols=st.integers(1, 3), size=st.integers(2, 5))
-def test_join_undoes_cut_and_windows_run_row_by_row(rows: int, cols: int, size: int) -> None:
-    grid = torch.arange(rows * cols * size**2).reshape(1, rows * size, cols * size)
-    tiles = windows.cut(grid, size)
-    assert torch.equal(windows.join(tiles, size, rows * size, cols * size), grid)
-    for r, c in np.ndindex(rows, cols):
-        tile = grid[0, r * size : (r + 1) * size, c * size : (c + 1) * size]
-        assert torch.equal(tiles[0, r * cols + c], tile.flatten())
-
-
-@pytest.mark.parametrize("size", [2, 4, 7])
-def test_relative_position_index_pair_by_pair(size: int) -> None:
-    index = windows.relative_position_index(size)
-    for i, j in np.ndindex(size**2, size**2):
-        down, across = i // size - j // size, i % size - j % size
-        assert index[i, j] == (down + size - 1) * (2 * size - 1) + across + size - 1
-
-
-@pytest.mark.parametrize(("height", "width", "size"), [(7, 14, 7), (12, 8, 4), (6, 18, 6)])
-def test_strangers_are_pixels_that_were_no_neighbours_before_the_roll(
-    height: int, width: int, size: int
-) -> None:
-    found = windows.strangers(torch.Size((height, width)), size, torch.device("cpu"))
-    shift = size // 2
-    origin = torch.stack(torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij"), -1)
-    tiles = windows.cut(origin.roll((-shift, -shift), (0, 1))[None], size)[0]
-    # Two pixels of one window belong together where they lie as far apart as they did in the image.
-    for w, i, j in np.ndindex(*found.shape):
-        apart = tiles[w, i] - tiles[w, j]
-        inside = torch.tensor([i // size - j // size, i % size - j % size])
-        assert bool(found[w, i, j]) == (not torch.equal(apart, inside))
 
 
 def test_deformable_attention_pair_by_pair() -> None:

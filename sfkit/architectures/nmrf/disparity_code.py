@@ -19,9 +19,9 @@ def disparity_code(disparity: torch.Tensor, unit: float) -> torch.Tensor:
     is float32, also under autocast (float64 if the input is): half precision would turn the upper
     bands into noise. u is one rounded product, which the powers of two then scale exactly.
     """
-    with torch.autocast(disparity.device.type, enabled=False):
-        value = disparity if disparity.dtype == torch.float64 else disparity.float()
-        u = (value * unit)[..., None]
-        powers = torch.arange(BANDS, device=u.device, dtype=u.dtype)
-        bands = u * torch.exp2(powers)
-        return torch.cat((bands.sin(), bands.cos(), u), -1)
+    # Autocast leaves pointwise functions alone, so the input's precision decides.
+    value = disparity if disparity.dtype == torch.float64 else disparity.float()
+    u = (value * unit)[..., None]
+    powers = torch.arange(BANDS, device=u.device, dtype=u.dtype)
+    bands = u * torch.exp2(powers)
+    return torch.cat((bands.sin(), bands.cos(), u), -1)
