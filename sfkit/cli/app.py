@@ -10,17 +10,17 @@ from typing import TextIO
 import typer
 
 import sfkit
-from sfkit.cli import cache, data, evaluate, merge, predict, report, search, show
-from sfkit.errors import SfkitError
+from sfkit.cli import bank, cache, data, demo, evaluate, merge, predict, report, search, show
+from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
     name="sfkit",
     help="Merge stereo-matching networks: find which fine-tuned checkpoints to mix, and how.",
-    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+app.command("demo")(demo.demo)
 app.command("search")(search.search)
 app.command("merge")(merge.merge)
 app.command("evaluate")(evaluate.evaluate)
@@ -28,6 +28,7 @@ app.command("predict")(predict.predict)
 app.command("show")(show.show)
 app.command("report")(report.report)
 app.add_typer(data.app, name="data")
+app.add_typer(bank.app, name="bank")
 app.add_typer(cache.app, name="cache")
 
 # typer's own copy of click names this class nowhere in public: it is what BadParameter derives from.
@@ -36,37 +37,55 @@ UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
 @app.callback(invoke_without_command=True)
 def _root(
+    context: typer.Context,
     version: bool = typer.Option(False, "--version", help="Print the version and exit."),
 ) -> None:
     if version:
         typer.echo(f"sfkit {sfkit.__version__}")
-        raise typer.Exit
+    elif context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the command line and exit: 0 for success, 2 for bad input, 130 when interrupted."""
-    warnings.showwarning = _warn
+    """Run the command line and exit.
+
+    The exit code is 0 for success, 1 where what was asked for failed (a notebook's cell, every network),
+    2 for bad input, and 130 when interrupted.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = report.join_parameters(words) if words[:1] == ["report"] else words
+    with warnings.catch_warnings():
+        warnings.simplefilter("default", SfkitWarning)
+        warnings.showwarning = _warn
+        sys.exit(_run(words))
+
+
+def _run(words: list[str]) -> int:
     try:
-        words = list(sys.argv[1:] if arguments is None else arguments)
-        words = report.join_parameters(words) if words[:1] == ["report"] else words
-        code = app(words, standalone_mode=False)
+        code = app(words, prog_name="sfkit", standalone_mode=False)
     except UsageError as error:
-        code = _refuse(str(getattr(error, "message", "") or error), usage=error)
+        return _refuse(str(getattr(error, "message", "") or error), 2, usage=error)
+    except (InputError, StoreError) as error:
+        return _refuse(str(error), 2)
     except SfkitError as error:
-        code = _refuse(str(error))
+        return _refuse(str(error), 1)
+    except OSError as error:
+        if error.filename is None:
+            raise
+        return _refuse(f"{error.filename}: {error.strerror}", 2)
     except (KeyboardInterrupt, typer.Abort):
         typer.echo("interrupted: what was evaluated is stored, start again to go on", err=True)
-        code = 130
-    sys.exit(code if isinstance(code, int) else 0)
+        return 130
+    return code if isinstance(code, int) else 0
 
 
-def _refuse(message: str, usage: object = None) -> int:
-    sentence = " ".join(message.split())
+def _refuse(message: str, code: int, usage: object = None) -> int:
+    sentence = " ".join(message.split()).rstrip(".")
     context = getattr(usage, "ctx", None)
     if context is not None:
-        sentence = f"{sentence.rstrip('.')}, see {context.command_path} --help"
+        sentence = f"{sentence.replace('. Did you', '; did you')} ({context.command_path} --help says more)"
     typer.echo(f"error: {sentence}", err=True)
-    return 2
+    return code
 
 
 def _warn(

@@ -1,0 +1,33 @@
+"""``sfkit bank``: the embedded networks, made again from their seeds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sfkit.bank import build as build_bank
+from sfkit.cli.options import JsonOption, emit, say
+from sfkit.errors import InputError
+
+app = typer.Typer(help="The embedded bank of trained networks.", no_args_is_help=True, rich_markup_mode=None)
+
+
+@app.command("build")
+def build(
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to build in.")] = Path("runs/bank"),
+    json: JsonOption = False,
+) -> None:
+    """Render the domains and train base and sources from their seeds: about an hour on two cores.
+
+    Stopped at any moment and started again, it goes on where it was.
+
+    \b
+    Example:
+      sfkit bank build
+    """
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file, expected a folder to build in")
+    build_bank(out, progress=lambda what, done, of: say(f"{what}: {done} of {of}"))
+    emit({"bank": out}, f"built {out}", as_json=json)

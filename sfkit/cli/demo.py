@@ -1,0 +1,90 @@
+"""``sfkit demo``: the whole method on networks that come with sfkit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from tqdm import tqdm
+
+from sfkit.cli.options import JsonOption, emit
+from sfkit.demo import Demo
+from sfkit.demo import demo as run_demo
+from sfkit.errors import InputError
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("runs/demo"),
+    seed: Annotated[int, typer.Option(help="Governs every draw.")] = 0,
+    report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html.")] = True,
+    json: JsonOption = False,
+) -> None:
+    """Search the embedded bank of 12 small trained networks, and test what was found.
+
+    Everything is computed on this machine, in about two minutes on two cores.
+
+    \b
+    Example:
+      sfkit demo
+    """
+    if out.exists() and not out.is_dir():
+        raise InputError(f"{out}: is a file, expected a folder for the results")
+    with Bars() as bars:
+        found = run_demo(out, seed=seed, with_report=report, progress=bars)
+    document = {
+        "table": found.table.to_dict(orient="index"),
+        "subset": found.subset,
+        "evaluations": found.evaluations,
+        "forward_passes": found.forward_passes,
+        "seconds": found.seconds,
+        "merged": found.merged,
+        "report": found.report,
+        "scores": found.scores,
+    }
+    emit(document, _text(found), as_json=json)
+
+
+class Bars:
+    """One progress bar a step, on standard error."""
+
+    def __init__(self) -> None:
+        self._bar: tqdm[None] | None = None
+        self._step = ""
+
+    def __enter__(self) -> Bars:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._close()
+
+    def __call__(self, step: str, done: int, of: int, note: str) -> None:
+        if step != self._step:
+            self._close()
+            self._step = step
+            self._bar = tqdm(total=of, desc=f"{step:8s}", ncols=90)
+        if self._bar is not None:
+            self._bar.set_postfix_str(note, refresh=False)
+            self._bar.update(done - self._bar.n)
+
+    def _close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+            self._bar = None
+
+
+def _text(found: Demo) -> str:
+    table = found.table.to_string(float_format=lambda value: f"{value:.2f}")
+    return "\n".join(
+        [
+            "",
+            table,
+            "",
+            "* guided the search; the others are unseen. Lower is better.",
+            f"Stage 1 chose {', '.join(found.subset)}.",
+            f"{found.evaluations} evaluations, {found.forward_passes} forward passes, {found.seconds:.0f} s.",
+            f"network: {found.merged}",
+            f"table:   {found.scores}",
+            *([f"report:  {found.report}"] if found.report else []),
+        ]
+    )

@@ -1,0 +1,162 @@
+"""``sfkit demo``: both stages on the embedded bank, computed while you watch."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from sfkit import bank
+from sfkit.analysis import contenders
+from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
+from sfkit.evaluation.store import Evaluation
+from sfkit.evaluation.table import write_table
+from sfkit.merging import Pool, open_pool
+from sfkit.merging.saving import save_merged
+from sfkit.notebooks import notebook_path
+from sfkit.reports import report
+from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
+from sfkit.search.records import Generation
+from sfkit.search.routing import RoutingCandidate
+from sfkit.search.subset import SubsetCandidate
+
+NOTEBOOK = "01_quickstart"
+
+Progress = Callable[[str, int, int, str], None]
+"""What is going on, how much of it is done, of how much, and the best so far."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much the demo searches: a fraction of the paper's budget, which has M=50, T=15 and 300 trials."""
+
+    population: int = 20
+    generations: int = 8
+    evaluations: int = 100
+
+    @property
+    def subsets(self) -> int:
+        """Candidates Stage 1 proposes; repeated ones cost nothing."""
+        return self.population * (self.generations + 1)
+
+
+@dataclass(frozen=True)
+class Demo:
+    """What the demo found.
+
+    Attributes:
+        table: a row a network, a column a benchmark (bad-3.0 in percent), validation marked ``*``.
+        subset: the sources Stage 1 chose.
+        forward_passes: image pairs that went through a network.
+        evaluations: recipes that were scored, on any benchmark, without those found in the store.
+        seconds: wall time of everything.
+        merged: the merged network.
+        report: the report; None where it was left out.
+        scores: the table as CSV.
+    """
+
+    table: pd.DataFrame
+    subset: tuple[str, ...]
+    forward_passes: int
+    evaluations: int
+    seconds: float
+    merged: Path
+    report: Path | None
+    scores: Path
+
+
+class _CountingStore(EvaluationStore):
+    """A store that counts what is computed, so that the demo can say how many forward passes it took."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self.evaluations = 0
+        self.forward_passes = 0
+
+    def put(self, evaluation: Evaluation) -> Evaluation:
+        """Write and count one computed evaluation."""
+        self.evaluations += 1
+        self.forward_passes += len(evaluation.images)
+        return super().put(evaluation)
+
+
+def demo(
+    out: Path,
+    *,
+    seed: int = 0,
+    budget: Budget = Budget(),
+    with_report: bool = True,
+    progress: Progress = lambda *_: None,
+) -> Demo:
+    """Search the bank's 11 sources on the quick validation pairs, then test on the unseen benchmarks.
+
+    Writes ``evaluations.sqlite``, ``scores.csv``, ``merged.safetensors`` and ``report.html`` (the
+    quickstart notebook run on the bank with the same seed and budget) into ``out``. What the store holds
+    already is not computed again.
+    """
+    started = time.perf_counter()
+    pool = open_pool(bank.pool_path())
+    validation = bank.benchmark(bank.VALIDATION, quick=True)
+    store = _CountingStore(out / "evaluations.sqlite")
+    with store:
+        scorer = Evaluator(pool, validation, store=store)
+        stage1, stage2 = _search(pool, scorer, seed, budget, progress)
+        recipes = contenders(pool, {"Stage 1": stage1.recipe, "Stage 1+2": stage2.recipe})
+        best = _single_best(pool, scorer)
+        rows = {"base": recipes["base"], f"single best ({best})": pool.equal(best)}
+        rows |= {name: recipes[name] for name in ("uniform", "Stage 1", "Stage 1+2")}
+        unseen = [bank.benchmark(name) for name in bank.benchmarks() if name != bank.VALIDATION]
+        parts = []
+        for number, benchmark in enumerate((validation, *unseen)):
+            progress("Test", number, 1 + len(unseen), benchmark.name)
+            guided = (validation.name,)
+            parts.append(score_recipes(pool, rows, [benchmark], validation=guided, store=store))
+        progress("Test", 1 + len(unseen), 1 + len(unseen), "")
+        table = pivot(pd.concat(parts, ignore_index=True))
+        scores = write_table(table, out / "scores.csv")
+        merged = save_merged(pool, stage2.recipe, out / "merged.safetensors", overwrite=True)
+        evaluations, passes = store.evaluations, store.forward_passes
+    page = _report(out, seed, budget, progress) if with_report else None
+    seconds = time.perf_counter() - started
+    return Demo(table, stage1.subset, passes, evaluations, seconds, merged, page, scores)
+
+
+def _search(
+    pool: Pool, scorer: Evaluator, seed: int, budget: Budget, progress: Progress
+) -> tuple[SubsetCandidate, RoutingCandidate]:
+    settings = SubsetSettings(population=budget.population, generations=budget.generations, seed=seed)
+    stage1 = SubsetSearch(pool.names, pool.blocks, scorer, settings)
+    first = stage1.run(lambda g: progress("Stage 1", g.counts.candidates, budget.subsets, _score(g)))
+    routing = RoutingSettings(evaluations=budget.evaluations, seed=seed)
+    stage2 = RoutingSearch(first.subset, pool.blocks, scorer, routing)
+    second = stage2.run(lambda g: progress("Stage 2", g.counts.candidates, budget.evaluations, _score(g)))
+    return first, second
+
+
+def _score(generation: Generation[Any]) -> str:
+    return "" if generation.best is None else f"best {generation.best.score:.2f} %"
+
+
+def _single_best(pool: Pool, scorer: Evaluator) -> str:
+    """The source that scores best on the validation pairs: the one a user without merging would deploy."""
+    outcomes = scorer([pool.equal(name) for name in pool.names])
+    ranked = sorted(zip(outcomes, pool.names, strict=True), key=lambda pair: (pair[0].score, pair[1]))
+    return ranked[0][1]
+
+
+def _report(out: Path, seed: int, budget: Budget, progress: Progress) -> Path:
+    progress("Report", 0, 1, "")
+    values = {
+        "population": budget.population,
+        "generations": budget.generations,
+        "evaluations": budget.evaluations,
+        "seed": seed,
+        "out": str(out),
+    }
+    page = report(notebook_path(NOTEBOOK), values, out / "report.html")
+    progress("Report", 1, 1, "")
+    return page
