@@ -61,9 +61,8 @@ def tile(kind: str, rng: Generator, contrast: float) -> Array:
     """A texture tile (TILE, TILE, 3), 0..1, of one of the ``KINDS``; ``contrast`` scales its variation."""
     ink, paper = _two_colours(rng)
     pattern = KINDS[kind](rng)
-    stains = np.asarray(
-        cv2.resize(rng.uniform(-1.0, 1.0, size=(12, 12, 3)), (TILE, TILE), interpolation=cv2.INTER_CUBIC)
-    )
+    blots = rng.uniform(-1.0, 1.0, size=(12, 12, 3))
+    stains = np.asarray(cv2.resize(blots, (TILE, TILE), interpolation=cv2.INTER_CUBIC), dtype=np.float64)
     shade = 0.5 + contrast * (pattern - 0.5)
     mixed = shade[..., None] * (ink - paper)  # in place from here on: most of a scene's time goes into tiles
     mixed += paper
