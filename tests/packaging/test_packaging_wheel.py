@@ -19,7 +19,9 @@ PLACES = {
     "sfkit": "sfkit",
     "widgets/sfkit_widgets": "sfkit_widgets",
     "data_manifests": "sfkit/data_manifests",
+    "notebooks": "sfkit/notebook_files",
 }
+CACHES = {"__pycache__", ".ipynb_checkpoints"}
 
 
 def run(*command: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:

@@ -23,7 +23,9 @@ ROOMS = (
     "figures",
     "inspection",
     "bank",
+    "notebooks",
     "reports",
+    "demo",
     "__init__",
     "cli",
 )
@@ -35,6 +37,7 @@ NARROW = {
     "merging": {"errors", "checkpoints", "architectures"},  # it never sees an image
     "search": {"errors", "merging", "evaluation"},
     "figures": {"errors", "analysis"},  # they draw records, and compute none
+    "notebooks": {"errors"},
     "reports": {"errors"},
 }
 FOREIGN = {
