@@ -7,7 +7,7 @@ A training script saves its state dict bare or inside a dictionary (``state_dict
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from sfkit.errors import InputError
 
 CONTAINERS = ("state_dict", "model_state", "model_state_dict", "model")
 PREFIX = "module."
+OWN = "sfkit"  # the outer dictionary's entry that says how sfkit made a merged file
 
 
 @dataclass(frozen=True)
@@ -26,15 +27,23 @@ class Layout:
     Attributes:
         container: the entry of the outer dictionary that holds them, None for a bare state dict.
         prefix: what stands before every key, ``"module."`` or nothing.
+        renamed: the network's key -> the file's without prefix, where they differ.
+        beside: numbers and texts beside the container, such as the step that a loader prints.
     """
 
     container: str | None = None
     prefix: str = ""
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    beside: Mapping[str, float | str] = field(default_factory=dict)
+
+    def name(self, state: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        """The tensors of a network by the keys a file with this layout has."""
+        return {self.prefix + self.renamed.get(key, key): tensor for key, tensor in state.items()}
 
     def wrap(self, state: Mapping[str, torch.Tensor]) -> dict[str, Any]:
         """The dictionary a training script with this layout would have saved."""
-        prefixed = {self.prefix + key: tensor for key, tensor in state.items()}
-        return {self.container: prefixed} if self.container else prefixed
+        named = self.name(state)
+        return {self.container: named, **self.beside} if self.container else dict(named)
 
 
 def unwrap(content: object, path: Path) -> tuple[dict[str, torch.Tensor], Layout]:
@@ -43,7 +52,7 @@ def unwrap(content: object, path: Path) -> tuple[dict[str, torch.Tensor], Layout
     Raises:
         InputError: no state dict is found; the message lists what the file holds instead.
     """
-    container = None
+    container, beside = None, {}
     if isinstance(content, Mapping) and content and not _is_state(content):
         container = next((name for name in CONTAINERS if _is_state(content.get(name))), None)
         if container is None:
@@ -52,6 +61,7 @@ def unwrap(content: object, path: Path) -> tuple[dict[str, torch.Tensor], Layout
                 f"{path}: found a dictionary with {held}, expected a state dict, bare or under one of "
                 f"{', '.join(CONTAINERS)}: save the network with torch.save(network.state_dict(), path)"
             )
+        beside = {key: value for key, value in content.items() if _is_plain(key, value)}
         content = content[container]
     if not isinstance(content, Mapping) or not content:
         raise InputError(
@@ -59,7 +69,8 @@ def unwrap(content: object, path: Path) -> tuple[dict[str, torch.Tensor], Layout
             "save the network with torch.save(network.state_dict(), path)"
         )
     prefix = common_prefix(content)
-    return {str(key)[len(prefix) :]: tensor for key, tensor in content.items()}, Layout(container, prefix)
+    tensors = {str(key)[len(prefix) :]: tensor for key, tensor in content.items()}
+    return tensors, Layout(container, prefix, beside=beside)
 
 
 def common_prefix(keys: Mapping[str, Any]) -> str:
@@ -73,6 +84,11 @@ def _is_state(value: object) -> bool:
         and bool(value)
         and all(isinstance(k, str) and isinstance(v, torch.Tensor) for k, v in value.items())
     )
+
+
+def _is_plain(key: object, value: object) -> bool:
+    """A number or text beside the container; what sfkit itself wrote there is written anew."""
+    return isinstance(key, str) and key != OWN and isinstance(value, (int, float, str))
 
 
 def _describe(content: object) -> str:

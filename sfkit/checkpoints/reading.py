@@ -17,7 +17,7 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError, safe_open
 
-from sfkit.checkpoints.layouts import Layout, common_prefix, unwrap
+from sfkit.checkpoints.layouts import OWN, Layout, common_prefix, unwrap
 from sfkit.errors import InputError, nearest
 
 TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar")
@@ -100,15 +100,18 @@ def _read_torch(path: Path) -> CheckpointFile:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise InputError(f"{path}: cannot be read ({reason}), expected a whole torch file") from error
     tensors, layout = unwrap(content, path)
-    return CheckpointFile(path, tensors, layout, _own_metadata(content), mapped)
+    return CheckpointFile(path, tensors, layout, _own_metadata(path, content), mapped)
 
 
-def _own_metadata(content: object) -> dict[str, str]:
+def _own_metadata(path: Path, content: object) -> dict[str, str]:
     """What :mod:`sfkit.checkpoints.writing` put beside the weights of a torch file."""
-    held = content.get("sfkit") if isinstance(content, Mapping) else None
+    held = content.get(OWN) if isinstance(content, Mapping) else None
     if not isinstance(held, str):
         return {}
-    values = json.loads(held)
+    try:
+        values = json.loads(held)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: its sfkit entry is no JSON ({error}), was it edited?") from error
     return {str(k): str(v) for k, v in values.items()} if isinstance(values, dict) else {}
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 from safetensors.torch import save_file
 
-from sfkit.checkpoints.layouts import Layout
+from sfkit.checkpoints.layouts import OWN, Layout
 from sfkit.errors import InputError
 
 
@@ -35,8 +35,9 @@ def write_checkpoint(
 
     Args:
         path: ``.safetensors``, or a torch ending for ``FileForm.ORIGINAL``.
-        state: bare key -> tensor; tensors may share storage.
-        layout: the base file's; its prefix is put back, and its container for ``ORIGINAL``.
+        state: the network's key -> tensor; tensors may share storage.
+        layout: the base file's; its names and prefix are put back, and for ``ORIGINAL`` its container with
+            the numbers and texts beside it.
         metadata: text entries; the header of a safetensors file, the entry ``sfkit`` of a torch file.
         form: which kind of file.
         overwrite: whether an existing file may be replaced.
@@ -46,18 +47,33 @@ def write_checkpoint(
             its folder cannot be made.
     """
     path = check_target(path, form, overwrite=overwrite)
-    tensors = {layout.prefix + key: tensor.detach().cpu() for key, tensor in state.items()}
+    tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in state.items()}
     if form is FileForm.SAFETENSORS:
-        # safetensors refuses shared storage, so an alias is written as a copy of its own.
-        separate = {key: tensor.contiguous().clone() for key, tensor in tensors.items()}
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
-        _atomically(path, lambda target: save_file(separate, target, metadata=header))
+        named = layout.name(_separate(tensors))
+        _atomically(path, lambda target: save_file(named, target, metadata=header))
     else:
-        content = layout.wrap({key: tensor.clone() for key, tensor in state.items()})
+        content = layout.wrap({key: _alone(tensor) for key, tensor in tensors.items()})
         if layout.container:  # a bare state dict holds tensors alone: strict loaders refuse a text entry
-            content["sfkit"] = json.dumps(dict(metadata))
+            content[OWN] = json.dumps(dict(metadata))
         _atomically(path, lambda target: torch.save(content, target))
     return path
+
+
+def _separate(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+    """For safetensors, which refuses overlapping tensors: a second name of one gets a copy of its own."""
+    seen: set[int] = set()
+    separate = {}
+    for key, tensor in tensors.items():
+        place = tensor.data_ptr()
+        separate[key] = tensor.clone() if place in seen else tensor
+        seen.add(place)
+    return separate
+
+
+def _alone(tensor: torch.Tensor) -> torch.Tensor:
+    """For torch, which writes the whole storage a tensor lies in: a part of one gets a storage of its own."""
+    return tensor if tensor.untyped_storage().nbytes() == tensor.nbytes else tensor.clone()
 
 
 def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
@@ -70,10 +86,13 @@ def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
     endings = (".safetensors",) if form is FileForm.SAFETENSORS else (".pth", ".pt", ".ckpt", ".tar")
     if path.suffix not in endings:
         raise InputError(f"{path}: a file of form {form.value!r} ends in {' or '.join(endings)}")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, expected the name of a file to write")
     if path.exists() and not overwrite:
         raise InputError(f"{path}: the file exists, give another name or ask for overwriting")
-    if path.parent.exists() and not path.parent.is_dir():
-        raise InputError(f"{path}: {path.parent} is a file, expected a folder")
+    parent = next(folder for folder in path.absolute().parents if folder.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise InputError(f"{path}: {parent} is no folder that can be written to, expected one")
     return path
 
 

@@ -6,22 +6,27 @@ import os
 import tempfile
 from pathlib import Path
 
-import platformdirs
 import torch
+
+from sfkit.merging.cache import default_folder, ensure_room
 
 MAPPED_ABOVE = 16 << 20  # bytes; a task vector larger than this lives in a mapped file
 
 
 def allocate(elements: int, *, mapped: bool, folder: Path | None = None) -> torch.Tensor:
-    """A float32 tensor of shape (elements,), its values unset (zero where mapped).
+    """A float32 tensor of shape (elements,) filled with zeros.
 
     A mapped buffer is a sparse file without a name: its pages are the operating system's to evict,
     only what is written takes up disk, and it is gone with the process however that ends.
+
+    Raises:
+        InputError: the disk has no room for it (:func:`~sfkit.merging.cache.ensure_room`).
     """
     if not mapped or elements == 0:
-        return torch.empty(elements, dtype=torch.float32)
-    folder = folder or Path(platformdirs.user_cache_dir("sfkit")) / "buffers"
+        return torch.zeros(elements, dtype=torch.float32)
+    folder = folder or default_folder() / "buffers"
     folder.mkdir(parents=True, exist_ok=True)
+    ensure_room(folder, elements * 4)
     handle, name = tempfile.mkstemp(dir=folder, suffix=".f32")
     try:
         os.ftruncate(handle, elements * 4)

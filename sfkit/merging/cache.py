@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -93,9 +94,14 @@ class VectorCache:
 
     @contextmanager
     def writing(self, key: str, elements: int) -> Iterator[torch.Tensor]:
-        """A mapped (elements,) float32 buffer to fill; the file bears its name only once that is done."""
+        """A mapped (elements,) float32 buffer to fill; the file bears its name only once that is done.
+
+        Raises:
+            InputError: the disk has no room for it.
+        """
         target = self._vector(key, ".f32")
         target.parent.mkdir(parents=True, exist_ok=True)
+        ensure_room(target.parent, elements * 4)
         temporary = target.with_name(f".{target.name}.{os.getpid()}")
         try:
             with temporary.open("wb") as stream:
@@ -162,6 +168,20 @@ def default_folder() -> Path:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: SFKIT_CACHE names a file, expected a folder")
     return folder
+
+
+def ensure_room(folder: Path, size: int) -> None:
+    """Refuse before a mapped file outgrows its disk: a write to a page without room ends the process.
+
+    Raises:
+        InputError: fewer than ``size`` bytes are free.
+    """
+    free = shutil.disk_usage(folder).free
+    if free < size:
+        raise InputError(
+            f"{folder}: {free / 2**20:.0f} MiB are free, expected {size / 2**20:.0f} MiB for a task vector: "
+            "make room (sfkit cache clear), or let SFKIT_CACHE name a folder on another disk"
+        )
 
 
 def vector_key(base: str, source: str, order: str) -> str:

@@ -109,7 +109,8 @@ class PoolOpener:
         if self.architecture.rename is not None:
             names = self.architecture.rename(file.tensors)
             tensors = {names.get(key, key): tensor for key, tensor in file.tensors.items()}
-            file = replace(file, tensors=tensors)
+            renamed = {new: old for old, new in names.items() if new != old}
+            file = replace(file, tensors=tensors, layout=replace(file.layout, renamed=renamed))
         if self.architecture.check is not None:
             shapes = {key: tuple(tensor.shape) for key, tensor in file.tensors.items()}
             try:
@@ -120,12 +121,13 @@ class PoolOpener:
         return replace(file, tensors=self._unaliased(file.tensors))
 
     def _unaliased(self, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-        """The tensors with every aliased one under its first key too, under whichever it was found."""
+        """The tensors with every aliased one under all its keys, under whichever it was found."""
         named = dict(tensors)
         for spec in self.specs:
-            found = next((key for key in (spec.key, *spec.aliases) if key in tensors), None)
-            if found is not None:
-                named.setdefault(spec.key, tensors[found])
+            keys = (spec.key, *spec.aliases)
+            found = next((key for key in keys if key in tensors), None)
+            if found is not None and spec.aliases:
+                named |= {key: tensors.get(key, tensors[found]) for key in keys}
         return named
 
     def _left_out(self, keys: Mapping[str, torch.Tensor]) -> list[str]:
@@ -149,10 +151,21 @@ class PoolOpener:
         for key, tensor in file.tensors.items():
             check_values(file.path, key, tensor)
             digests[key] = tensor_digest(tensor)
+        self._check_aliases(file.path, digests)
         record = FileRecord(fingerprint(digests), digests)
         if self.cache is not None:
             self.cache.remember(file.path, self.architecture.name, record)
         return record
+
+    def _check_aliases(self, path: Path, digests: Mapping[str, str]) -> None:
+        """Refuse a file whose keys of one tensor hold different values: the network can have one alone."""
+        for spec in self.specs:
+            other = next((key for key in spec.aliases if digests.get(key) != digests.get(spec.key)), None)
+            if other is not None:
+                raise InputError(
+                    f"{path}: {spec.key!r} and {other!r} hold different values, expected the same: both name "
+                    "one tensor of the network; was one of them edited?"
+                )
 
     def source(
         self,
@@ -248,7 +261,7 @@ def assemble(
         if source.changed == order:
             vectors[source.member.name] = source.values
             continue
-        row = allocate(layout.size, mapped=layout.size * 4 > MAPPED_ABOVE).zero_()
+        row = allocate(layout.size, mapped=layout.size * 4 > MAPPED_ABOVE)
         layout.fill(row, dict(source.tensors()))
         vectors[source.member.name] = row
     return layout, flat_base, vectors

@@ -149,7 +149,11 @@ class Pool:
         return recipe.canonical(self.identity, self.partition.fingerprint())
 
     def state_dict(self, recipe: Recipe) -> dict[str, torch.Tensor]:
-        """The merged network's tensors by bare key: in dtype and set of keys what the base file has."""
+        """The merged network's tensors by its keys: in dtype and set of keys what the base's file has.
+
+        A tensor with several keys stands under each, whichever of them the file has. Tensors that no source
+        changed are those of the file: do not write to them.
+        """
         merged = self.layout.views(self.merge_into(recipe, torch.empty(self.layout.size)))
         held = {name for spec in self.specs for name in (spec.key, *spec.aliases)}
         return {

@@ -89,9 +89,6 @@ def save_merged(
     """
     metadata = origin_metadata(pool, recipe)
     state, layout = pool.state_dict(recipe), pool.base.layout
-    names = pool.architecture.rename(state) if pool.architecture.rename else {}
-    original = {new: old for old, new in names.items()}
-    state = {original.get(key, key): tensor for key, tensor in state.items()}
     written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
     if form is FileForm.ORIGINAL and layout.container is None:
         sidecar = written.with_name(written.name + ".recipe.json")
