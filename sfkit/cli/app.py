@@ -10,7 +10,7 @@ from typing import TextIO
 import typer
 
 import sfkit
-from sfkit.cli import bank, cache, data, demo, evaluate, merge, predict, report, search, show
+from sfkit.cli import bank, cache, data, demo, evaluate, merge, predict, report, runs, search, show
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
@@ -29,6 +29,7 @@ app.command("show")(show.show)
 app.command("report")(report.report)
 app.add_typer(data.app, name="data")
 app.add_typer(bank.app, name="bank")
+app.add_typer(runs.app, name="runs")
 app.add_typer(cache.app, name="cache")
 
 # typer's own copy of click names this class nowhere in public: it is what BadParameter derives from.
@@ -64,7 +65,7 @@ def _run(words: list[str]) -> int:
     try:
         code = app(words, prog_name="sfkit", standalone_mode=False)
     except UsageError as error:
-        return _refuse(str(getattr(error, "message", "") or error), 2, usage=error)
+        return _refuse(getattr(error, "format_message", error.__str__)(), 2, usage=error)
     except (InputError, StoreError) as error:
         return _refuse(str(error), 2)
     except SfkitError as error:

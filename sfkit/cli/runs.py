@@ -1,0 +1,115 @@
+"""``sfkit runs``: searches on disk, and the evaluations they leave."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sfkit.cli.options import JsonOption, emit
+from sfkit.errors import InputError
+from sfkit.evaluation.exchange import export_evaluations, import_evaluations
+from sfkit.evaluation.store import EvaluationStore
+from sfkit.inspection import recipe_lines
+from sfkit.merging.recipe import Recipe
+from sfkit.search.runs import compare_runs, find_runs, read_run, run_table
+
+app = typer.Typer(
+    help="See what searches did; move evaluations.", no_args_is_help=True, rich_markup_mode=None
+)
+
+Folder = Annotated[Path, typer.Argument(help="A search's folder.", show_default=False)]
+Store = Annotated[Path, typer.Argument(help="An evaluation store.", show_default=False)]
+
+
+@app.command("list")
+def list_runs(
+    root: Annotated[Path, typer.Argument(help="Where to look.")] = Path("runs"), json: JsonOption = False
+) -> None:
+    """List searches with state, best score, evaluations and seconds, the latest first.
+
+    \b
+    Example:
+      sfkit runs list runs
+    """
+    table = run_table(find_runs(root))
+    text = f"{root}: no search has left a journal here" if table.empty else table.to_string(index=False)
+    emit({"root": root, "runs": table.to_dict(orient="records")}, text, as_json=json)
+
+
+@app.command("show")
+def show(folder: Folder, json: JsonOption = False) -> None:
+    """Say what one search did: states, counts, settings, the best recipe.
+
+    \b
+    Example:
+      sfkit runs show runs/garage
+    """
+    run = read_run(folder)
+    lines = [f"{run.folder}"]
+    for stage in run.stages:
+        best = "nothing yet" if stage.score is None else f"{stage.score:.4f} ({', '.join(stage.subset)})"
+        lines.append(
+            f"{stage.stage}: {stage.state.value}{f' ({stage.reason})' if stage.reason else ''}, best {best}"
+        )
+        counts = ", ".join(f"{name} {value:g}" for name, value in stage.counts.items())
+        lines.append(f"  {counts}")
+        lines += recipe_lines(Recipe.from_dict(stage.recipe)) if stage.recipe else []
+    stages = [
+        {**vars(stage), "started": str(stage.started), "written": str(stage.written)} for stage in run.stages
+    ]
+    emit({"folder": run.folder, "stages": stages}, "\n".join(lines), as_json=json)
+
+
+@app.command("diff")
+def diff(first: Folder, second: Folder, json: JsonOption = False) -> None:
+    """Set two searches side by side: results, and the settings in which they differ.
+
+    \b
+    Example:
+      sfkit runs diff runs/garage runs/garage-2
+    """
+    table = compare_runs(read_run(first), read_run(second))
+    rows = table.reset_index().to_dict(orient="records")
+    emit({"differences": rows}, table.to_string(), as_json=json)
+
+
+@app.command("export")
+def export(
+    store: Store,
+    out: Annotated[Path, typer.Option("--out", "-o", help="A .csv or .parquet file.")],
+    json: JsonOption = False,
+) -> None:
+    """Write every stored evaluation, image by image, as a table.
+
+    \b
+    Example:
+      sfkit runs export runs/garage/evaluations.sqlite -o evaluations.csv
+    """
+    with _existing(store) as opened:
+        written, count = export_evaluations(opened, out), len(opened)
+    emit({"file": written, "evaluations": count}, f"wrote {count} evaluations to {written}", as_json=json)
+
+
+@app.command("import")
+def import_(
+    source: Store,
+    into: Annotated[Path, typer.Option("--into", help="The store to extend; made if need be.")],
+    json: JsonOption = False,
+) -> None:
+    """Copy evaluations from one store into another, such as from another machine.
+
+    \b
+    Example:
+      sfkit runs import cluster.sqlite --into runs/garage/evaluations.sqlite
+    """
+    with _existing(source) as opened, EvaluationStore(into) as target:
+        copied, held = import_evaluations(opened, target)
+    emit({"copied": copied, "already_there": held}, f"copied {copied}, {held} were there", as_json=json)
+
+
+def _existing(path: Path) -> EvaluationStore:
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected an evaluation store")
+    return EvaluationStore(path)

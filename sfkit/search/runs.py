@@ -1,0 +1,190 @@
+"""Runs on disk: what searches did, read from the journals they leave for those who watch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from sfkit.errors import InputError, nearest
+from sfkit.search.journal import Record, last_run, read_journal
+
+JOURNAL = "journal.jsonl"
+STAGES = {"subset": "Stage 1", "routing": "Stage 2"}
+
+
+class State(StrEnum):
+    """What became of a stage, as far as its journal tells."""
+
+    FINISHED = "finished"
+    STOPPED = "stopped"
+    OPEN = "open"  # no end was written: it runs, or it was interrupted and goes on when started again
+
+
+@dataclass(frozen=True)
+class StageRun:
+    """The latest run of one stage.
+
+    Attributes:
+        stage: ``Stage 1`` or ``Stage 2``.
+        state: finished, stopped or open.
+        reason: why it ended, None while open.
+        generation: the last finished one.
+        score: the best so far, in the metric's unit; None where nothing has a finite score.
+        subset: the best candidate's sources.
+        recipe: the best candidate's recipe as plain values.
+        counts: evaluations: candidates, distinct, cached, failed, seconds, seconds_saved.
+        settings: the search's settings, with constraints and names.
+        started: when this run began.
+        written: when it last wrote.
+    """
+
+    stage: str
+    state: State
+    reason: str | None
+    generation: int
+    score: float | None
+    subset: tuple[str, ...]
+    recipe: Mapping[str, Any] | None
+    counts: Mapping[str, float]
+    settings: Mapping[str, Any]
+    started: datetime
+    written: datetime
+
+
+@dataclass(frozen=True)
+class Run:
+    """One folder with a journal: the latest run of each stage in it."""
+
+    folder: Path
+    stages: tuple[StageRun, ...]
+
+
+def find_runs(root: str | Path) -> tuple[Run, ...]:
+    """Every run under a folder, the one written last first.
+
+    Raises:
+        InputError: there is no such folder, or a journal in it is damaged.
+    """
+    root = Path(root)
+    if not root.is_dir():
+        raise InputError(f"{root}: no such folder, expected one with the folders of searches in it")
+    runs = [read_run(path.parent) for path in root.rglob(JOURNAL)]
+    begun = [run for run in runs if run.stages]
+    return tuple(sorted(begun, key=lambda run: run.stages[-1].written, reverse=True))
+
+
+def read_run(folder: str | Path) -> Run:
+    """The run in one folder.
+
+    Raises:
+        InputError: there is no journal in it (the nearest folder with one is suggested), or it is damaged.
+    """
+    folder = Path(folder)
+    if not (folder / JOURNAL).is_file():
+        beside = [path.parent.name for path in folder.parent.glob(f"*/{JOURNAL}")]
+        raise InputError(
+            f"{folder}: holds no {JOURNAL}, expected a search's folder{nearest(folder.name, beside)}"
+        )
+    records = read_journal(folder / JOURNAL)
+    stages = [_stage(kind, last_run(records, kind)) for kind in STAGES]
+    return Run(folder, tuple(stage for stage in stages if stage is not None))
+
+
+def _stage(kind: str, records: Iterable[Record]) -> StageRun | None:
+    own = [record for record in records if record.get("search") == kind]
+    starts = [record for record in own if record["event"] == "start"]
+    generations = [record for record in own if record["event"] == "generation"]
+    if not starts or not generations:
+        return None
+    start, last = starts[-1], generations[-1]
+    end = own[-1] if own[-1]["event"] == "end" else None
+    reason = None if end is None else str(end["reason"])
+    state = State.OPEN if reason is None else State.STOPPED if reason == "stop requested" else State.FINISHED
+    best = last["best"] or {}
+    return StageRun(
+        stage=STAGES[kind],
+        state=state,
+        reason=reason,
+        generation=int(last["generation"]),
+        score=best.get("score"),
+        subset=tuple(best.get("subset", ())),
+        recipe=best.get("recipe"),
+        counts=last["counts"],
+        settings={
+            k: start[k] for k in ("settings", "constraints", "sources", "blocks", "start") if k in start
+        },
+        started=datetime.fromisoformat(start["time"]),
+        written=datetime.fromisoformat(own[-1]["time"]),
+    )
+
+
+def run_table(runs: Iterable[Run]) -> pd.DataFrame:
+    """One row a stage: folder, stage, state, best, subset, evaluations, cached, failed, seconds, written."""
+    rows = [
+        {
+            "run": str(run.folder),
+            "stage": stage.stage,
+            "state": stage.state.value,
+            "generation": stage.generation,
+            "best": stage.score,
+            "subset": "+".join(stage.subset),
+            "evaluations": int(stage.counts["distinct"]),
+            "cached": int(stage.counts["cached"]),
+            "failed": int(stage.counts["failed"]),
+            "seconds": float(stage.counts["seconds"]),
+            "written": stage.written.isoformat(timespec="seconds"),
+        }
+        for run in runs
+        for stage in run.stages
+    ]
+    columns = ["run", "stage", "state", "generation", "best", "subset", "evaluations", "cached", "failed"]
+    return pd.DataFrame(rows, columns=[*columns, "seconds", "written"])
+
+
+def compare_runs(first: Run, second: Run) -> pd.DataFrame:
+    """Two runs side by side: results, and every setting in which they differ.
+
+    Returns:
+        Index (stage, what), a column a run, and ``differs``; nested settings are named ``a.b``.
+
+    Raises:
+        InputError: both are the same folder.
+    """
+    if first.folder.resolve() == second.folder.resolve():
+        raise InputError(f"{first.folder}: named twice, expected the folders of two searches to compare")
+    left, right = _facts(first), _facts(second)
+    rows = []
+    for key in dict.fromkeys((*left, *right)):
+        one, other = left.get(key, "none"), right.get(key, "none")
+        if one != other or key[1] in ("state", "best", "subset", "evaluations"):
+            rows.append((*key, one, other, one != other))
+    columns = ["stage", "what", str(first.folder), str(second.folder), "differs"]
+    return pd.DataFrame(rows, columns=columns).set_index(["stage", "what"])
+
+
+def _facts(run: Run) -> dict[tuple[str, str], str]:
+    facts: dict[tuple[str, str], str] = {}
+    for stage in run.stages:
+        results = {
+            "state": stage.state.value,
+            "best": stage.score,
+            "subset": "+".join(sorted(stage.subset)),
+            "evaluations": stage.counts["distinct"],
+        }
+            for name, value in [*results.items(), *_flat(settings)]:
+            facts[stage.stage, name] = str(value)
+    return facts
+
+
+def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, Any]]:
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
