@@ -6,11 +6,24 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.options import JsonOption, PairsOption, ResolutionOption, RootOption, emit
+from sfkit.cli.options import (
+    CodingOption,
+    JsonOption,
+    PairsOption,
+    ResolutionOption,
+    RootOption,
+    emit,
+)
 from sfkit.datasets.check import check_data
 from sfkit.errors import InputError
 
-app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(help="Look at data sets.", rich_markup_mode=None)
+
+
+@app.callback(invoke_without_command=True)
+def _data(context: typer.Context) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command("check")
@@ -19,9 +32,7 @@ def check(
     root: RootOption = None,
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
-    coding: Annotated[
-        str | None, typer.Option(help="For pairs: how ground truth is coded, such as pfm or png8:4.")
-    ] = None,
+    coding: CodingOption = None,
     json: JsonOption = False,
 ) -> None:
     """Say what was found, what is missing, and whether images, sizes and ground truth make sense.

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable, Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import pandas as pd
 import typer
 
 from sfkit.cli.options import (
     BenchmarkOption,
+    CodingOption,
     DeviceOption,
+    ForceOption,
     JsonOption,
     MetricOption,
     PairsOption,
@@ -20,17 +24,20 @@ from sfkit.cli.options import (
     ResolutionOption,
     RootOption,
     StoreOption,
+    SubsetFromOption,
     SubsetOption,
     benchmark_of,
+    choosers,
     device_of,
     emit,
     pool_of,
-    recipe_of,
+    say,
     store_of,
 )
+from sfkit.cli.outputs import check_file, check_store
 from sfkit.errors import InputError
-from sfkit.evaluation import score_recipes
-from sfkit.evaluation.table import write_table
+from sfkit.evaluation import Evaluator
+from sfkit.evaluation.table import score_table, write_table
 from sfkit.merging import Pool, Recipe
 
 
@@ -39,6 +46,7 @@ def evaluate(
     benchmark: BenchmarkOption,
     root: RootOption = None,
     subset: SubsetOption = None,
+    subset_from: SubsetFromOption = None,
     recipe: RecipeOption = None,
     uniform: Annotated[bool, typer.Option("--uniform", help="All sources with equal weights.")] = False,
     all_subsets: Annotated[
@@ -49,54 +57,82 @@ def evaluate(
     metric: MetricOption = None,
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
+    coding: CodingOption = None,
     store: StoreOption = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the scores as CSV.")] = None,
+    force: ForceOption = False,
     device: DeviceOption = "cpu",
     json: JsonOption = False,
 ) -> None:
     """Score networks merged from a pool; lower is better.
 
+    Options that ask for networks add up: --members --uniform scores the base, each source, and their merge.
+
     \b
     Examples:
       sfkit evaluate pool.toml --subset a,b,c --benchmark pairs --root ~/pairs --metric bad-1.0
+      sfkit evaluate pool.toml --members --uniform -b kitti2012 -r ~/KITTI2012 --protocol all-valid
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv)
     place = device_of(device)
+    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    if out is not None:
+        check_file("--out", out, ".csv", force=force)
+    if store is not None:
+        check_store(store)
+    asked = choosers(subset=subset, subset_from=subset_from, recipe=recipe, uniform=uniform)
+    if not (asked or members or all_subsets):
+        raise InputError(
+            "found nothing to score, expected --subset, --subset-from, --recipe, --uniform, --members or "
+            "--all-subsets"
+        )
     opened = pool_of(pool)
-    recipes = _recipes(opened, subset, recipe, uniform=uniform, all_subsets=all_subsets, members=members)
+    recipes = _members(opened) if members else {}
+    recipes |= _all_subsets(opened) if all_subsets else {}
+    recipes |= {name: choose(opened) for name, choose in asked.items()}
+    evaluator = Evaluator(opened, chosen, device=place)
     with store_of(store) as kept:
-        scores = score_recipes(opened, recipes, [chosen], store=kept, device=place)
+        scores = score_table([evaluator.with_store(kept)], recipes, progress=_progress)
     if out is not None:
         write_table(scores, out)
+    emit(_document(opened, evaluator, scores), _text(evaluator, scores), as_json=json)
+    if scores["failure"].notna().all():
+        raise typer.Exit(1)
+
+
+def _members(pool: Pool) -> dict[str, Recipe]:
+    return {"base": pool.base_recipe(), **{name: pool.equal(name) for name in pool.names}}
+
+
+def _all_subsets(pool: Pool) -> dict[str, Recipe]:
+    sizes = range(2, len(pool.names) + 1)
+    return {"+".join(c): pool.equal(*c) for k in sizes for c in combinations(pool.names, k)}
+
+
+def _progress(benchmark: str, done: int, total: int) -> None:
+    say(f"{benchmark}: {done} of {total} networks scored")
+
+
+def _document(pool: Pool, evaluator: Evaluator, scores: pd.DataFrame) -> dict[str, Any]:
     ranked = scores.dropna(subset="score").sort_values("score", kind="stable")
-    lines = [f"{row.network:40s} {row.score:9.4f} {row.unit}" for row in scores.itertuples()]
-    head = f"{chosen.metric} under protocol {chosen.protocol} on {chosen.name} ({chosen.coverage})"
-    document = {
-        "pool": opened.name,
-        "benchmark": chosen.describe(),
+    return {
+        "pool": pool.name,
+        "benchmark": evaluator.benchmark.describe(),
         "scores": scores.to_dict(orient="records"),
         "best": None if ranked.empty else ranked["network"].iloc[0],
     }
-    emit(document, "\n".join([head, *lines]), as_json=json)
 
 
-def _recipes(
-    pool: Pool,
-    subset: str | None,
-    recipe: Path | None,
-    *,
-    uniform: bool,
-    all_subsets: bool,
-    members: bool,
-) -> dict[str, Recipe]:
-    if all_subsets or members:
-        if subset is not None or recipe is not None or uniform:
-            raise InputError("expected --all-subsets or --members without --subset, --recipe and --uniform")
-        found = {"base": pool.base_recipe(), **{n: pool.equal(n) for n in pool.names}} if members else {}
-        if all_subsets:
-            sizes = range(2, len(pool.names) + 1)
-            found |= {"+".join(c): pool.equal(*c) for k in sizes for c in combinations(pool.names, k)}
-        return found
-    one = recipe_of(pool, subset, recipe, uniform=uniform)
-    return {str(recipe) if recipe is not None else "+".join(one.sources): one}
+def _text(evaluator: Evaluator, scores: pd.DataFrame) -> str:
+    benchmark = evaluator.benchmark
+    head = (
+        f"{evaluator.metric} under protocol {benchmark.protocol} on {benchmark.name} ({benchmark.coverage})"
+    )
+    return "\n".join([head, *(_line(row) for row in scores.to_dict(orient="records"))])
+
+
+def _line(row: Mapping[Hashable, Any]) -> str:
+    if row["failure"] is not None:
+        return f"{row['network']:40s}    failed: {' '.join(str(row['failure']).split())}"
+    flag = f"  (not finite on {row['flagged']} of {row['images']} images)" if row["flagged"] else ""
+    return f"{row['network']:40s} {row['score']:9.4f} {row['unit']}{flag}"

@@ -9,18 +9,17 @@ import typer
 
 from sfkit.checkpoints.writing import FileForm, check_target
 from sfkit.cli.options import (
+    ForceOption,
     JsonOption,
     PoolArgument,
     RecipeOption,
     SubsetFromOption,
     SubsetOption,
+    choosers,
     emit,
-    names,
     pool_of,
-    recipe_of,
 )
 from sfkit.errors import InputError
-from sfkit.merging import Pool, Recipe
 from sfkit.merging.saving import read_origin, save_merged
 
 
@@ -35,7 +34,7 @@ def merge(
     form: Annotated[
         FileForm, typer.Option(help="safetensors, or the original checkpoint's torch layout.")
     ] = FileForm.SAFETENSORS,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Write one merged network, in the key names of the original checkpoints.
@@ -46,29 +45,21 @@ def merge(
       sfkit merge pool.toml --recipe runs/garage/recipe.json -o merged.pth --form original
     """
     check_target(out, form, overwrite=force)
+    asked = choosers(subset=subset, subset_from=subset_from, recipe=recipe, weights=weights, uniform=uniform)
+    if len(asked) != 1:
+        raise InputError(
+            "expected exactly one of --subset, --subset-from, --recipe, --weights and --uniform, "
+            f"found {len(asked)}"
+        )
     opened = pool_of(pool)
-    chosen = (
-        _weighted(opened, weights)
-        if weights
-        else recipe_of(opened, subset, recipe, uniform=uniform, subset_from=subset_from)
-    )
+    for member in (opened.base, *opened.sources):
+        if out.exists() and out.samefile(member.path):
+            raise InputError(f"--out: {out} is the pool's own {member.name!r}, give another name")
+    (choose,) = asked.values()
+    chosen = choose(opened)
     written = save_merged(opened, chosen, out, form=form, overwrite=force)
     origin = read_origin(written)
     licences = origin.licences if origin else {}
     document = {"file": written, "recipe": chosen.as_dict(), "licences": licences}
     lines = [f"wrote {written}", *(f"  {name}: {licence}" for name, licence in licences.items())]
     emit(document, "\n".join(lines), as_json=json)
-
-
-def _weighted(pool: Pool, text: str) -> Recipe:
-    weights = {}
-    for part in names(text):
-        name, sign, number = part.partition("=")
-        try:
-            weights[name.strip()] = float(number)
-        except ValueError as error:
-            raise InputError(f"--weights: found {part!r}, expected NAME=NUMBER such as a=0.3") from error
-        if not sign:
-            raise InputError(f"--weights: found {part!r}, expected NAME=NUMBER such as a=0.3")
-    pool.subset(weights)
-    return Recipe.weighted(weights, pool.blocks)

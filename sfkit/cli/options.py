@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -15,7 +16,9 @@ from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.saving import read_recipe
-from sfkit.search import transfer
+from sfkit.search import subset_of, transfer
+
+Made = TypeVar("Made")
 
 PoolArgument = Annotated[
     str, typer.Argument(help="A pool.toml, or the folder that holds one.", show_default=False)
@@ -35,6 +38,11 @@ PairsOption = Annotated[
     Path | None,
     typer.Option("--csv", help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id]."),
 ]
+CodingOption = Annotated[
+    str | None,
+    typer.Option("--coding", help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4."),
+]
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 StoreOption = Annotated[
     Path | None, typer.Option("--store", help="Evaluation store (SQLite) to read and extend.")
 ]
@@ -64,46 +72,94 @@ def benchmark_of(
     metric: str | None,
     resolution: str | None,
     csv: Path | None,
+    coding: str | None,
 ) -> Benchmark:
-    """The benchmark the options describe, ready to be scored.
+    """The benchmark the options describe, its files found and not yet read.
 
     Raises:
         InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named.
     """
     if root is None:
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
-    benchmark = open_benchmark(name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv)
+    benchmark = open_benchmark(
+        name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv, coding=coding
+    )
     benchmark.ensure_scorable()
     return benchmark
 
 
-def recipe_of(
-    pool: Pool,
-    subset: str | None,
-    recipe: Path | None,
+Chooser = Callable[[Pool], Recipe]
+"""Makes the recipe that was asked for, once the pool is open."""
+
+
+def choosers(
     *,
-    uniform: bool = False,
+    subset: str | None = None,
     subset_from: Path | None = None,
-) -> Recipe:
-    """The one recipe the options describe.
+    recipe: Path | None = None,
+    weights: str | None = None,
+    uniform: bool = False,
+) -> dict[str, Chooser]:
+    """The recipes the options ask for, by row name; files and lists are read before any pool is opened.
 
     Raises:
-        InputError: none or several are given, a name is unknown, or the file holds no recipe.
+        InputError: an option cannot be read, or a file holds no recipe.
     """
-    if sum((subset is not None, recipe is not None, uniform, subset_from is not None)) != 1:
-        raise InputError("expected exactly one of --subset, --subset-from, --recipe and --uniform")
+    found: dict[str, Chooser] = {}
+    if uniform:
+        found["uniform"] = Pool.uniform
+    if subset is not None:
+        chosen = source_names("--subset", subset)
+        found["+".join(chosen)] = lambda pool: pool.equal(*chosen)
+    if weights is not None:
+        mixture = _weights(weights)
+        found[weights] = lambda pool: Recipe.weighted(_known(pool, mixture), pool.blocks)
     if subset_from is not None:
-        return pool.equal(*transfer(read_recipe(subset_from), pool.names))
+        other = subset_of(read_recipe(subset_from))
+        found[f"sources of {subset_from}"] = lambda pool: pool.equal(
+            *_named(subset_from, lambda: transfer(other, pool.names))
+        )
     if recipe is not None:
-        found = read_recipe(recipe)
-        pool.check_recipe(found)
-        return found
-    if subset is None:
-        return pool.uniform()
-    chosen = names(subset)
-    if not chosen:
-        raise InputError("--subset is empty, expected source names such as a,b,c")
-    return pool.equal(*chosen)
+        read = read_recipe(recipe)
+        found[str(recipe)] = lambda pool: _named(recipe, lambda: _checked(pool, read))
+    return found
+
+
+def source_names(argument: str, text: str) -> tuple[str, ...]:
+    """``"a, b"`` -> ``("a", "b")``.
+
+    Raises:
+        InputError: there is no name in it.
+    """
+    if not names(text):
+        raise InputError(f"{argument} is empty, expected source names such as a,b,c")
+    return names(text)
+
+
+def _weights(text: str) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for part in source_names("--weights", text):
+        name, _, number = (piece.strip() for piece in part.partition("="))
+        try:
+            value = float(number)
+        except ValueError as error:
+            raise InputError(f"--weights: found {part!r}, expected NAME=NUMBER such as a=0.3") from error
+        if not (math.isfinite(value) and value >= 0):
+            raise InputError(f"--weights: found {part!r}, expected a finite number of at least 0")
+        if name in found:
+            raise InputError(f"--weights: found {name!r} more than once, expected each source once")
+        found[name] = value
+    return found
+
+
+def _known(pool: Pool, weights: dict[str, float]) -> dict[str, float]:
+    pool.subset(weights)
+    return weights
+
+
+def _checked(pool: Pool, recipe: Recipe) -> Recipe:
+    pool.check_recipe(recipe)
+    return recipe
 
 
 def device_of(name: str) -> str:
@@ -114,8 +170,8 @@ def device_of(name: str) -> str:
     """
     import torch
 
-    kind, _, number = name.partition(":")
-    if kind not in ("cpu", "cuda") or (number and not number.isdigit()):
+    kind, colon, number = name.partition(":")
+    if kind not in ("cpu", "cuda") or (colon and not number.isdecimal()) or (kind == "cpu" and colon):
         raise InputError(f"--device: found {name!r}, expected cpu, cuda or cuda:N")
     if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
         raise InputError(
@@ -130,8 +186,18 @@ def store_of(path: Path | None) -> EvaluationStore:
 
 
 def pool_of(path: str) -> Pool:
-    """Open a pool, saying so on standard error."""
-    return open_pool(path)
+    """Open a pool; every error names a file."""
+    return _named(path, lambda: open_pool(path))
+
+
+def _named(path: str | Path, make: Callable[[], Made]) -> Made:
+    """Make something, and put the file's name before an error that names no file yet."""
+    try:
+        return make()
+    except InputError as error:
+        if str(path) in str(error) or str(error).startswith(os.sep):  # members are named by whole paths
+            raise
+        raise InputError(f"{path}: {error}") from error
 
 
 def say(text: str) -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json as jsonlib
+import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.datasets.calibration import Calibration, read_calibration
 from sfkit.errors import InputError
-from sfkit.evaluation.prediction import match_pairs, predict_files
+from sfkit.evaluation.prediction import PredictionPlan, match_pairs, predict_files
 from sfkit.merging.network import load_network
 
 
@@ -23,12 +26,17 @@ def predict(
     architecture: Annotated[
         str | None, typer.Option(help="For a checkpoint that does not say its architecture.")
     ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
+    ] = None,
     calibration: Annotated[
         Path | None,
         typer.Option("--calib", help="A calib.txt as Middlebury and ETH3D write it; gives depth."),
     ] = None,
     focal: Annotated[float | None, typer.Option(help="Focal length in pixels; gives depth.")] = None,
     baseline: Annotated[float | None, typer.Option(help="Distance of the cameras in metres.")] = None,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Write each pair's disparity with a colour preview, and its depth where the cameras are known.
@@ -40,9 +48,11 @@ def predict(
     """
     pairs = match_pairs(left, right)
     cameras = _calibration(calibration, focal, baseline)
-    model = load_network(file, name=architecture)
+    options = dict(_option(text) for text in option or [])
+    plan = PredictionPlan.of(pairs, out, form=form, calibration=cameras, overwrite=force)
+    model = load_network(file, name=architecture, options=options)
     rows = []
-    for number, written in enumerate(predict_files(model, pairs, out, form=form, calibration=cameras), 1):
+    for number, written in enumerate(predict_files(model, plan), 1):
         say(f"{number} of {len(pairs)}: {written.disparity}")
         rows.append(
             {
@@ -53,8 +63,23 @@ def predict(
                 "nonfinite": written.nonfinite,
             }
         )
-    text = "\n".join(f"{row['disparity']}: median {row['median_px']:.2f} px" for row in rows)
+    text = "\n".join(_line(row) for row in rows)
     emit({"predictions": rows}, text, as_json=json)
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    broken = f", {row['nonfinite']} pixels are not finite" if row["nonfinite"] else ""
+    return f"{row['disparity']}: median {row['median_px']:.2f} px{broken}"
+
+
+def _option(text: str) -> tuple[str, Any]:
+    name, sign, value = text.partition("=")
+    if not sign or not name:
+        raise InputError(f"--option: found {text!r}, expected NAME=VALUE such as spn=false")
+    try:
+        return name, jsonlib.loads(value)
+    except jsonlib.JSONDecodeError:
+        return name, value
 
 
 def _calibration(file: Path | None, focal: float | None, baseline: float | None) -> Calibration | None:
@@ -64,6 +89,11 @@ def _calibration(file: Path | None, focal: float | None, baseline: float | None)
         return read_calibration(file)
     if focal is None and baseline is None:
         return None
-    if focal is None or baseline is None or focal <= 0 or baseline <= 0:
-        raise InputError(f"--focal {focal} and --baseline {baseline}: expected both, above 0")
-    return Calibration(focal, baseline)
+    return Calibration(_positive("--focal", focal), _positive("--baseline", baseline))
+
+
+def _positive(argument: str, value: float | None) -> float:
+    if value is None or not (math.isfinite(value) and value > 0):
+        found = "is missing" if value is None else f"is {value:g}"
+        raise InputError(f"{argument} {found}, expected --focal and --baseline, both finite and above 0")
+    return value

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json as jsonlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from sfkit.cli.options import JsonOption, emit, say
 from sfkit.errors import InputError
+from sfkit.reports import read_parameters
 from sfkit.reports import report as run_report
 
 
@@ -27,13 +27,13 @@ def report(
 ) -> None:
     """Run a notebook from top to bottom and write it as one HTML file that needs no network.
 
-    A run that fails still leaves a report that shows the failing cell.
+    A run that fails still leaves a report that shows the failing cell, and ends with exit code 1.
 
     \b
     Example:
       sfkit report notebooks/01_quickstart.ipynb -p pool pool.toml -p seed 1 -o report.html
     """
-    values = dict(_parameter(text) for text in parameter or [])
+    values = read_parameters(notebook, dict(_parameter(text) for text in parameter or []))
     written = run_report(notebook, values, out, progress=say)
     emit({"report": written}, f"wrote {written}", as_json=json)
 
@@ -51,16 +51,8 @@ def join_parameters(arguments: Sequence[str]) -> list[str]:
     return joined
 
 
-def _parameter(text: str) -> tuple[str, Any]:
+def _parameter(text: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
     if not sign or not name:
         raise InputError(f"-p: found {text!r}, expected a parameter's name and its value")
-    return name, _value(value)
-
-
-def _value(text: str) -> Any:
-    """JSON where it reads as JSON (numbers, true, lists), the text itself otherwise."""
-    try:
-        return jsonlib.loads(text)
-    except jsonlib.JSONDecodeError:
-        return text
+    return name, value

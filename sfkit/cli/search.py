@@ -10,6 +10,7 @@ import typer
 
 from sfkit.cli.options import (
     BenchmarkOption,
+    CodingOption,
     DeviceOption,
     JsonOption,
     MetricOption,
@@ -27,12 +28,14 @@ from sfkit.cli.options import (
     names,
     pool_of,
     say,
+    source_names,
 )
+from sfkit.cli.outputs import check_folder, check_store
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, Evaluator
 from sfkit.inspection import recipe_lines
 from sfkit.merging.saving import read_recipe
-from sfkit.search import Constraints, RoutingSettings, SubsetSettings
+from sfkit.search import Constraints, RoutingSettings, SubsetSettings, subset_of
 from sfkit.search.pipeline import Found, Plan, cost, search_pool, summary
 from sfkit.search.records import Generation
 
@@ -46,6 +49,7 @@ def search(
     metric: MetricOption = None,
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
+    coding: CodingOption = None,
     seed: Annotated[int, typer.Option(help="Governs every draw.")] = 0,
     population: Annotated[int, typer.Option(help="Stage 1: subsets in a population.")] = 50,
     generations: Annotated[int, typer.Option(help="Stage 1: generations.")] = 15,
@@ -60,7 +64,9 @@ def search(
     exclude: Annotated[str | None, typer.Option(help="Sources that must not take part: a,b.")] = None,
     largest: Annotated[int | None, typer.Option(help="The most sources a subset may have.")] = None,
     frozen: Annotated[str | None, typer.Option(help="Blocks whose scale stays 1: a,b.")] = None,
-    start: Annotated[Path | None, typer.Option(help="Stage 2: a recipe to start from as well.")] = None,
+    start: Annotated[
+        Path | None, typer.Option(help="Stage 2: a recipe to start from as well; needs --subset.")
+    ] = None,
     store: StoreOption = None,
     device: DeviceOption = "cpu",
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
@@ -85,35 +91,39 @@ def search(
         start=read_recipe(start) if start is not None else None,
     )
     place = device_of(device)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv)
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file, expected a folder for the results")
+    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    kept_in = store or out / "evaluations.sqlite"
+    _check_outputs(out, kept_in)
     opened = pool_of(pool)
     plan.check(opened)
-    evaluator_store = EvaluationStore(store or out / "evaluations.sqlite")
-    with evaluator_store as kept:
-        evaluator = Evaluator(opened, chosen, store=kept, device=place)
+    prepared = Evaluator(opened, chosen, device=place)
+    with EvaluationStore(kept_in) as kept:
+        evaluator = prepared.with_store(kept)
         say(f"{opened!r}")
         say(f"validation: {chosen.name} ({chosen.coverage}), {evaluator.metric}, protocol {chosen.protocol}")
         say(f"cost: {cost(opened, [evaluator], plan)}")
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
         found = search_pool(opened, evaluator, plan, out, progress=_progress)
-        counts = vars(evaluator.counts)
-    document = {**summary(opened, found), "evaluations": counts, "metric": str(evaluator.metric)}
+    counts, metric_name = vars(evaluator.counts), str(evaluator.metric)
+    document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
     emit(document, _text(found, evaluator), as_json=json)
+
+
+def _check_outputs(out: Path, store: Path) -> None:
+    check_folder("--out", out)
+    check_store(store)
+    merged = out / "merged.safetensors"
+    if merged.exists() and not (out / "journal.jsonl").exists():
+        raise InputError(f"--out: {merged} exists and no search wrote it, choose another folder")
 
 
 def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
     if text is not None and file is not None:
-        raise InputError("expected --subset or --subset-from, not both")
+        raise InputError("found --subset and --subset-from, expected one of the two")
     if file is not None:
-        return read_recipe(file).sources
-    if text is None:
-        return None
-    if not names(text):
-        raise InputError("--subset is empty, expected source names such as a,b,c")
-    return names(text)
+        return subset_of(read_recipe(file))
+    return None if text is None else source_names("--subset", text)
 
 
 def _progress(stage: str, generation: Generation[Any]) -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.measure import Metric
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.engines import InlineEngine, Result
 from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, thresholds_for
 from sfkit.evaluation.outcome import Outcome, Scorer
@@ -44,6 +46,8 @@ class Evaluator:
         device: ``"cpu"`` or ``"cuda:0"``; its type is part of the key, its number is not.
         retry_failed: whether candidates recorded as failed are tried again.
 
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs look wrong, such as left and right exchanged.
+
     Raises:
         InputError: the benchmark cannot be evaluated as it is (missing files, no valid pixel, a mask the
             protocol needs), before any network runs.
@@ -70,6 +74,8 @@ class Evaluator:
         self.thresholds = thresholds_for(self.metric, *also)
         inputs = pool.architecture.inputs(pool.options)
         self.prepared = PreparedBenchmark(benchmark, inputs, self.thresholds)
+        if doubt := self.prepared.doubt():
+            warnings.warn(doubt, SfkitWarning, stacklevel=2)
         self._frame: dict[str, Any] = {
             "base": pool.base.fingerprint,
             "architecture": pool.describe(),
@@ -88,6 +94,20 @@ class Evaluator:
         """Runs what the store does not have; made when first needed."""
         return InlineEngine(self.pool, self.prepared, device=self.device)
 
+    def with_store(self, store: EvaluationStore) -> Evaluator:
+        """The same evaluator on another store, its counts at 0; the loaded images are shared.
+
+        A store's file comes into being when it is opened, so that a caller who wants none to be left by a
+        refused benchmark makes the evaluator first and opens the store then.
+        """
+        other = copy.copy(self)
+        other.store, other.counts = store, Counts()
+        return other
+
+    def release(self) -> None:
+        """Let go of the network; it is made again when the next recipe has to be computed."""
+        self.__dict__.pop("engine", None)
+
     def describe(self, recipe: Recipe) -> dict[str, Any]:
         """Everything that decides a recipe's scores, in content; its digest is the evaluation's key."""
         return {**self._frame, "recipe": self.pool.canonical(recipe)}
@@ -96,8 +116,15 @@ class Evaluator:
         """One outcome a recipe, in order."""
         return [self.outcome(evaluation) for evaluation in self.evaluate(recipes)]
 
-    def evaluate(self, recipes: Sequence[Recipe]) -> list[Evaluation]:
+    def evaluate(
+        self, recipes: Sequence[Recipe], *, progress: Callable[[int, int], None] | None = None
+    ) -> list[Evaluation]:
         """The evaluations of recipes, from the store or computed and stored; equal recipes run once.
+
+        Args:
+            recipes: what to evaluate.
+            progress: called with the numbers of distinct recipes that are done and that there are, first
+                for those in the store, then after each that was computed.
 
         Raises:
             InputError: a recipe does not suit the pool.
@@ -113,10 +140,14 @@ class Evaluator:
                 self.counts.cached += 1
             elif key not in known:
                 missing.setdefault(key, number)
-        numbers = list(missing.values())
+        numbers, total = list(missing.values()), len(known) + len(missing)
+        if progress is not None:
+            progress(len(known), total)
         for position, result in self.engine.run([recipes[n] for n in numbers]) if numbers else ():
             key = keys[numbers[position]]
             known[key] = self._record(key, descriptions[numbers[position]], result)
+            if progress is not None:
+                progress(len(known), total)
         return [known[key] for key in keys]
 
     def score(self, images: Sequence[ImageErrors], metric: str | Metric | None = None) -> float:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import errno
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import write_disparity_png16
 from sfkit.datasets.images import read_image
 from sfkit.datasets.pfm import write_pfm
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitError, unknown_name
 from sfkit.merging.network import LoadedNetwork
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
@@ -34,10 +36,11 @@ class PredictionFiles:
 
 
 def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
-    """Two images, or the images of two folders matched by name (by order where the names differ).
+    """Two images, or the images of two folders matched by name (by order where no name is in both).
 
     Raises:
-        InputError: a path is missing, a file meets a folder, or the folders hold different numbers.
+        InputError: a path is missing, a file meets a folder, the folders hold different numbers, or some
+            names are in both folders and some are not.
     """
     for path in (left, right):
         if not path.exists():
@@ -52,9 +55,14 @@ def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
             f"{left} and {right}: found {len(lefts)} and {len(rights)} images, expected as many left as right"
         )
     by_name = {path.name: path for path in rights}
-    if all(path.name in by_name for path in lefts):
-        return [(path, by_name[path.name]) for path in lefts]
-    return list(zip(lefts, rights, strict=True))
+    alone = [path for path in lefts if path.name not in by_name]
+    if len(alone) == len(lefts):
+        return list(zip(lefts, rights, strict=True))
+    if alone:
+        raise InputError(
+            f"{alone[0]}: found no image of that name in {right}, expected all names in both folders, or none"
+        )
+    return [(path, by_name[path.name]) for path in lefts]
 
 
 def _images(folder: Path) -> list[Path]:
@@ -70,56 +78,119 @@ def predict(model: LoadedNetwork, left: NDArray[np.uint8], right: NDArray[np.uin
     return map_
 
 
-def predict_files(
-    model: LoadedNetwork,
-    pairs: list[tuple[Path, Path]],
-    out: Path,
-    *,
-    form: str = "pfm",
-    calibration: Calibration | None = None,
-) -> Iterator[PredictionFiles]:
-    """Predict pairs one after another and write each before the next.
+@dataclass(frozen=True)
+class PredictionPlan:
+    """Pairs that can be predicted and the files that will be written; make one with :meth:`of`.
 
-    Args:
-        model: the network.
+    Attributes:
         pairs: left and right image files.
-        out: the folder for ``NAME.pfm`` or ``NAME.png``, ``NAME_colour.png``, ``NAME_depth.pfm``.
+        stems: where each pair's files go, without their endings.
         form: ``pfm`` (float32) or ``png16`` (16-bit, disparity * 256).
         calibration: turns disparity into depth in metres.
+    """
+
+    pairs: tuple[tuple[Path, Path], ...]
+    stems: tuple[Path, ...]
+    form: str
+    calibration: Calibration | None
+
+    @classmethod
+    def of(
+        cls,
+        pairs: Sequence[tuple[Path, Path]],
+        out: Path,
+        *,
+        form: str = "pfm",
+        calibration: Calibration | None = None,
+        overwrite: bool = False,
+    ) -> PredictionPlan:
+        """Check all that would fail or be lost later, before a network is loaded; nothing is written.
+
+        Args:
+            pairs: left and right image files; every one is decoded.
+            out: the folder for ``NAME.pfm`` or ``NAME.png``, ``NAME_colour.png``, ``NAME_depth.pfm``.
+            form: ``pfm`` or ``png16``.
+            calibration: asks for depth.
+            overwrite: whether files that exist may be replaced; the images themselves never are.
+
+        Raises:
+            InputError: an unknown form, an image that cannot be read, two of unequal size, a place that
+                cannot be written to, or a file that would be overwritten.
+        """
+        if form not in FORMS:
+            raise unknown_name("form", form, FORMS)
+        place = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
+        if not place.is_dir() or not os.access(place, os.W_OK):
+            raise InputError(f"{out}: {place} is no folder that can be written to, choose another place")
+        plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), form, calibration)
+        plan._check_targets(overwrite=overwrite)
+        for left, right in pairs:
+            _read_pair(left, right)
+        return plan
+
+    def targets(self, number: int) -> tuple[Path, ...]:
+        """One pair's disparity, preview and, with a calibration, depth."""
+        suffix = ".pfm" if self.form == "pfm" else ".png"
+        names = (suffix, "_colour.png", "_depth.pfm") if self.calibration else (suffix, "_colour.png")
+        stem = self.stems[number]
+        return tuple(stem.with_name(stem.name + name) for name in names)
+
+    def _check_targets(self, *, overwrite: bool) -> None:
+        images = {image.resolve() for pair in self.pairs for image in pair}
+        claimed: dict[Path, Path] = {}
+        for number, (left, _) in enumerate(self.pairs):
+            for target in self.targets(number):
+                if target.resolve() in images:
+                    raise InputError(f"{target}: is one of the images, choose another folder for the results")
+                if target.exists() and not overwrite:
+                    raise InputError(
+                        f"{target}: the file exists, choose another folder or ask for overwriting"
+                    )
+                if (other := claimed.setdefault(target, left)) != left:
+                    raise InputError(f"{left} and {other}: would both be written to {target}, rename one")
+
+
+def predict_files(model: LoadedNetwork, plan: PredictionPlan) -> Iterator[PredictionFiles]:
+    """Predict pairs one after another and write each before the next.
 
     Raises:
-        InputError: an unknown form, unequal image sizes, or a file that cannot be read.
+        InputError: a disparity is too large for a 16-bit PNG.
+        SfkitError: the network failed on a pair.
     """
-    if form not in FORMS:
-        raise InputError(f"form: found {form!r}, expected one of {', '.join(FORMS)}")
-    out.mkdir(parents=True, exist_ok=True)
-    for left, right in pairs:
-        first, second = read_image(left), read_image(right)
-        if first.shape != second.shape:
-            raise InputError(
-                f"{right}: has {second.shape[1]}x{second.shape[0]} pixels, expected "
-                f"{first.shape[1]}x{first.shape[0]} as in {left}"
-            )
-        yield _write(predict(model, first, second), out / left.stem, form, calibration)
+    for number, (left, right) in enumerate(plan.pairs):
+        first, second = _read_pair(left, right)
+        try:
+            disparity = predict(model, first, second)
+        except Exception as error:  # whatever a network raises; the pair it raised on is what helps
+            reason = str(error).partition("\n")[0]
+            raise SfkitError(f"{left}: the network failed ({type(error).__name__}: {reason})") from error
+        yield _write(disparity, plan.targets(number), plan)
 
 
-def _write(
-    disparity: NDArray[np.float32], stem: Path, form: str, calibration: Calibration | None
-) -> PredictionFiles:
-    target = stem.with_name(stem.name + (".pfm" if form == "pfm" else ".png"))
+def _read_pair(left: Path, right: Path) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    first, second = read_image(left), read_image(right)
+    if first.shape != second.shape:
+        raise InputError(
+            f"{right}: has {second.shape[1]}x{second.shape[0]} pixels, expected "
+            f"{first.shape[1]}x{first.shape[0]} as in {left}"
+        )
+    return first, second
+
+
+def _write(disparity: NDArray[np.float32], targets: Sequence[Path], plan: PredictionPlan) -> PredictionFiles:
+    target, preview, *depth = targets
+    target.parent.mkdir(parents=True, exist_ok=True)
     finite = np.isfinite(disparity)
-    if form == "pfm":
+    if plan.form == "pfm":
         write_pfm(target, disparity)
     else:
         write_disparity_png16(target, np.where(finite & (disparity > 0), disparity, np.nan))
-    preview = stem.with_name(stem.name + "_colour.png")
-    cv2.imwrite(str(preview), colour(disparity))
-    depth = None
-    if calibration is not None:
-        depth = stem.with_name(stem.name + "_depth.pfm")
-        write_pfm(depth, depth_of(disparity, calibration))
+    if not cv2.imwrite(str(preview), colour(disparity)):
+        raise OSError(errno.EIO, "cannot be written", str(preview))
+    if plan.calibration is not None:
+        write_pfm(depth[0], depth_of(disparity, plan.calibration))
     median = float(np.median(disparity[finite])) if finite.any() else float("nan")
-    return PredictionFiles(target, preview, depth, median, int((~finite).sum()))
+    return PredictionFiles(target, preview, depth[0] if depth else None, median, int((~finite).sum()))
 
 
 def depth_of(disparity: NDArray[np.float32], calibration: Calibration) -> NDArray[np.float32]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -25,8 +26,12 @@ COLUMNS = (
     "role",
     "images",
     "flagged",
+    "failure",
     "cached",
 )
+
+Progress = Callable[[str, int, int], None]
+"""Hears a benchmark's name and how many of its evaluations are done, of how many."""
 
 
 def score_recipes(
@@ -38,8 +43,11 @@ def score_recipes(
     validation: Sequence[str] = (),
     store: EvaluationStore | None = None,
     device: str = "cpu",
+    progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Score named recipes on benchmarks, one row a (network, benchmark, metric).
+
+    All benchmarks are loaded and checked before the first evaluation.
 
     Args:
         pool: the recipes' pool.
@@ -49,48 +57,74 @@ def score_recipes(
         validation: names of benchmarks that guided a search; their rows have the role ``validation``.
         store: where evaluations are kept.
         device: as for :class:`~sfkit.evaluation.evaluator.Evaluator`.
+        progress: hears of each evaluation when it is done.
 
     Returns:
-        Columns ``COLUMNS``; ``score`` in percent or pixels (``unit``), NaN where a candidate failed;
-        ``flagged`` counts images whose prediction was not finite.
+        Columns ``COLUMNS``; ``score`` in percent or pixels (``unit``), NaN where a candidate failed and
+        ``failure`` says why (None where it did not); ``flagged`` counts images whose prediction was not
+        finite.
+
+    Raises:
+        InputError: a recipe does not suit the pool, a metric is unknown, or a benchmark cannot be scored.
     """
+    for recipe in recipes.values():
+        pool.check_recipe(recipe)
+    evaluators = [
+        Evaluator(pool, benchmark, store=store, metric=next(iter(metrics), None), also=metrics, device=device)
+        for benchmark in benchmarks
+    ]
+    return score_table(evaluators, recipes, metrics=metrics, validation=validation, progress=progress)
+
+
+def score_table(
+    evaluators: Sequence[Evaluator],
+    recipes: Mapping[str, Recipe],
+    *,
+    metrics: Sequence[str] = (),
+    validation: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> pd.DataFrame:
+    """As :func:`score_recipes`, with evaluators that are ready; ``metrics`` must be among theirs."""
     rows = []
-    for benchmark in benchmarks:
-        wanted = [Metric.parse(m) for m in (metrics or (benchmark.metric,))]
-        names = [metric.name for metric in wanted]
-        evaluator = Evaluator(pool, benchmark, store=store, metric=names[0], also=names[1:], device=device)
-        evaluations = evaluator.evaluate(list(recipes.values()))
+    for evaluator in evaluators:
+        benchmark = evaluator.benchmark
         role = "validation" if benchmark.name in validation else "reported"
+        wanted = [Metric.parse(metric) for metric in metrics] or [evaluator.metric]
+        heard = None if progress is None else partial(progress, benchmark.name)
+        evaluations = evaluator.evaluate(list(recipes.values()), progress=heard)
+        evaluator.release()  # one network in memory at a time, however many benchmarks there are
         for metric in wanted:
             for name, evaluation in zip(recipes, evaluations, strict=True):
                 score = math.nan if evaluation.failure else evaluator.score(evaluation.images, metric)
                 flagged = sum(image.flagged for image in evaluation.images)
                 row = (name, benchmark.name, benchmark.protocol, metric.name, metric.unit, score, role)
-                rows.append((*row, len(benchmark), flagged, evaluation.cached))
+                rows.append((*row, len(benchmark), flagged, evaluation.failure, evaluation.cached))
     return pd.DataFrame(rows, columns=list(COLUMNS))
 
 
 def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
-    """The table people read: a row a network, a column a benchmark and metric, in the order first met.
+    """The table people read: a row a network, a column a benchmark, protocol and metric, as first met.
 
     Validation columns bear a ``*``. With ``mean`` each metric gets the mean over the benchmarks that
-    guided no search.
+    guided no search; a network without a score on one of them has none.
     """
     table = pd.DataFrame(index=pd.Index(dict.fromkeys(scores["network"]), name="network"))
-    for (name, metric, role), part in scores.groupby(["benchmark", "metric", "role"], sort=False):
+    columns = ["benchmark", "protocol", "metric", "role"]
+    for (name, protocol, metric, role), part in scores.groupby(columns, sort=False):
         mark = " *" if role == "validation" else ""
         unit = part["unit"].iloc[0]
-        table[f"{name} {metric} [{unit}]{mark}"] = part.set_index("network")["score"]
+        table[f"{name} ({protocol}) {metric} [{unit}]{mark}"] = part.set_index("network")["score"]
     if mean:
         reported = scores[scores["role"] == "reported"]
         for (metric, unit), part in reported.groupby(["metric", "unit"], sort=False):
             if part["benchmark"].nunique() > 1:
-                table[f"mean {metric} [{unit}]"] = part.groupby("network")["score"].mean()
+                by_network = part.groupby("network")["score"]
+                table[f"mean {metric} [{unit}]"] = by_network.agg(lambda column: column.mean(skipna=False))
     return table
 
 
 def write_table(table: pd.DataFrame, path: Path) -> Path:
-    """Write a table as CSV (RFC 4180), making its folder."""
+    """Write a table as CSV, its index only where that has a name; its folder is made."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(path)
+    table.to_csv(path, index=table.index.name is not None)
     return path

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.estimate import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.outcome import Scorer
+from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.saving import origin_metadata, save_merged
@@ -47,6 +47,11 @@ class Plan:
     def __post_init__(self) -> None:
         if self.subset is not None and self.stage2 is None:
             raise InputError("found a subset and no Stage 2, expected something to search")
+        if self.subset is None and self.start is not None:
+            raise InputError(
+                "found a recipe to start Stage 2 from and no subset, expected both: Stage 1 may find another "
+                "subset than the recipe's"
+            )
 
     @property
     def evaluations(self) -> int:
@@ -54,18 +59,45 @@ class Plan:
         first = 0 if self.subset is not None else self.stage1.population * (self.stage1.generations + 1)
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
+    def subset_search(self, pool: Pool, scorer: Scorer, journal: Journal | None = None) -> SubsetSearch:
+        """Stage 1 of this plan, ready for its first step."""
+        return SubsetSearch(
+            pool.names, pool.blocks, scorer, self.stage1, constraints=self.constraints, journal=journal
+        )
+
+    def routing_search(
+        self, pool: Pool, subset: Sequence[str], scorer: Scorer, journal: Journal | None = None
+    ) -> RoutingSearch:
+        """Stage 2 of this plan over a subset, ready for its first step."""
+        return RoutingSearch(
+            pool.subset(subset),
+            pool.blocks,
+            scorer,
+            self.stage2,
+            constraints=self.constraints,
+            start=self.start,
+            journal=journal,
+        )
+
     def check(self, pool: Pool) -> None:
         """Refuse before any evaluation what the searches would refuse later.
 
         Raises:
-            InputError: a name the pool does not have, or constraints that leave nothing to choose.
+            InputError: a name the pool does not have, constraints that leave nothing to choose, a subset
+                of one source, or a start that Stage 2 cannot express.
         """
-        if self.subset is None:
-            self.constraints.space(pool.names, pool.blocks)
-        else:
-            self.constraints.check_subset(pool.subset(self.subset), pool.blocks)
-        if self.start is not None:
-            pool.check_recipe(self.start)
+        subset = self.subset
+        if subset is None:
+            space = self.subset_search(pool, _nobody).space
+            first = [*space.required, *space.optional][: space.smallest]
+            subset = tuple(pool.names[gene] for gene in sorted(first))
+        if self.stage2 is not None:
+            self.routing_search(pool, subset, _nobody)
+
+
+def _nobody(recipes: Sequence[Recipe]) -> Sequence[Outcome]:
+    """A scorer for searches that are made to be checked, and never take a step."""
+    raise SfkitError(f"a plan that is being checked scores nothing, found {len(recipes)} recipes")
 
 
 @dataclass(frozen=True)
@@ -101,27 +133,25 @@ def search_pool(
 
     Writes into ``folder``: ``journal.jsonl`` (for viewers), ``stage1.csv`` and ``stage2.csv`` (every
     candidate), ``recipe.json``, ``merged.safetensors`` and ``result.json``. Run again with the same
-    store, a finished search is read back and an interrupted one goes on where it was.
+    store, a finished search is read back and an interrupted one goes on where it was; ``result.json`` names
+    no place and no time, so that it is the same to the last byte.
 
     Raises:
         InputError: constraints or settings do not suit the pool.
         SfkitError: no candidate could be scored.
     """
+    plan.check(pool)
+    folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(folder / "journal.jsonl")
     subset, first, second = plan.subset, None, None
     if subset is None:
-        stage1 = SubsetSearch(
-            pool.names, pool.blocks, scorer, plan.stage1, constraints=plan.constraints, journal=journal
-        )
+        stage1 = plan.subset_search(pool, scorer, journal)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
         stage1.history.to_csv(folder / "stage1.csv", index=False)
         subset = first.subset
     best: SubsetCandidate | RoutingCandidate | None = first
     if plan.stage2 is not None:
-        stage2 = RoutingSearch(
-            pool.subset(subset), pool.blocks, scorer, plan.stage2,
-            constraints=plan.constraints, start=plan.start, journal=journal,
-        )  # fmt: skip
+        stage2 = plan.routing_search(pool, subset, scorer, journal)
         second = stage2.run(None if progress is None else lambda g: progress("Stage 2", g))
         stage2.history.to_csv(folder / "stage2.csv", index=False)
         best = second
@@ -135,7 +165,7 @@ def search_pool(
 
 
 def summary(pool: Pool, found: Found) -> dict[str, Any]:
-    """Plain values: scores, subset, recipe and where its parts come from."""
+    """Plain values: scores, subset, recipe, where its parts come from, and the merged file's name."""
     origin = {
         key.removeprefix("sfkit."): json.loads(v) for key, v in origin_metadata(pool, found.recipe).items()
     }
@@ -147,7 +177,7 @@ def summary(pool: Pool, found: Found) -> dict[str, Any]:
         "subset": list(found.recipe.sources),
         "recipe": found.recipe.as_dict(),
         "origin": {key: origin[key] for key in ("architecture", "base", "sources")},
-        "merged": str(found.merged),
+        "merged": found.merged.name,
     }
 
 
