@@ -177,7 +177,8 @@ def _facts(run: Run) -> dict[tuple[str, str], str]:
             "subset": "+".join(sorted(stage.subset)),
             "evaluations": stage.counts["distinct"],
         }
-            for name, value in [*results.items(), *_flat(settings)]:
+        settings = {**stage.settings, "recipe": stage.recipe or {}}
+        for name, value in [*results.items(), *_flat(settings)]:
             facts[stage.stage, name] = str(value)
     return facts
 
