@@ -80,7 +80,7 @@ class RoutingTrace:
         return drawn_points(len(self), changes.tolist(), limit)
 
     def iterations(self, limit: int = LIMIT) -> Whole:
-        """Numbers of the first evaluations of fewer than ``limit`` generations, and of the last one of all."""
+        """Numbers of the first evaluations of fewer than ``limit`` generations, and of the very last one."""
         first = np.flatnonzero(np.diff(self.generation, prepend=-1))
         return np.union1d(first[drawn_points(len(first), limit=limit - 1)], [len(self) - 1])
 
