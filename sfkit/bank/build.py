@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 
 from sfkit.bank.fingerprints import write_fingerprints
 from sfkit.bank.measure import constant_guess, errors, held_out_pairs
-from sfkit.bank.plan import ARCHITECTURE, BASE_PLAN, HELD_OUT_PAIRS, OPTIONS, SOURCE_PLAN, Plan
+from sfkit.bank.plan import ARCHITECTURE, BASE_PLAN, HELD_OUT_PAIRS, OPTIONS, Plan, plan_of
 from sfkit.bank.training import Progress, Trained, new_network, train
 from sfkit.datasets.synthetic.domains import BASE, SOURCES, Domain
 from sfkit.errors import unknown_name
@@ -27,7 +27,7 @@ def build(
     progress: Progress | None = None,
     only: Iterable[str] | None = None,
     base_plan: Plan = BASE_PLAN,
-    source_plan: Plan = SOURCE_PLAN,
+    source_plan: Plan | None = None,
     held_out: int = HELD_OUT_PAIRS,
 ) -> Path:
     """Train the bank into the folder ``out`` and return the path of its ``pool.toml``.
@@ -47,7 +47,7 @@ def build(
         _train_base(out, base_plan, held_out, progress)
     for domain in chosen:
         if not _finished(out, domain.name):
-            _train_source(out, domain, source_plan, held_out, progress)
+            _train_source(out, domain, source_plan or plan_of(domain.name), held_out, progress)
     if all(_finished(out, domain.name) for domain in SOURCES):
         _assemble(out)
     return out / "pool.toml"
