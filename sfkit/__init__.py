@@ -16,7 +16,7 @@ from importlib.metadata import version
 
 from sfkit.architectures import InputConvention, PadSides, register_architecture
 from sfkit.checkpoints import FileForm, read_checkpoint
-from sfkit.datasets.benchmark import Benchmark, open_benchmark
+from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.check import check_data
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 from sfkit.evaluation import (
@@ -29,9 +29,10 @@ from sfkit.evaluation import (
     pivot,
     score_recipes,
 )
-from sfkit.merging import LiveModel, Pool, Recipe, open_pool, routed
+from sfkit.merging import LiveModel, Pool, Recipe, routed
 from sfkit.merging.network import load_network
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
+from sfkit.places import open_benchmark, open_pool
 from sfkit.search import (
     Constraints,
     Journal,

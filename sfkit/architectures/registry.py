@@ -159,10 +159,20 @@ def _defaults(name: str, builder: Callable[..., nn.Module]) -> dict[str, Any]:
 
 def _source_digest(name: str, builder: Callable[..., nn.Module]) -> str:
     try:
-        source = inspect.getsource(builder)
+        source = _source(builder)
     except (OSError, TypeError) as error:
         raise InputError(
             f"architecture {name!r}: the source of {builder.__name__} cannot be read ({error}), "
             "pass version='1' and change it whenever the network's output changes"
         ) from error
     return hashlib.sha256(source.encode()).hexdigest()[:16]
+
+
+def _source(builder: Callable[..., nn.Module]) -> str:
+    """The builder's source; of a class in a notebook cell, which has no file, that of its methods."""
+    if not inspect.isclass(builder) or builder.__module__ != "__main__":
+        return inspect.getsource(builder)
+    methods = [value for value in vars(builder).values() if inspect.isfunction(value)]
+    if not methods:
+        raise OSError("it has no methods of its own")
+    return "\n".join(inspect.getsource(method) for method in methods)

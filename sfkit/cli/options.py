@@ -11,20 +11,22 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from sfkit.datasets.benchmark import Benchmark, open_benchmark
+from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
-from sfkit.merging import Pool, Recipe, open_pool
+from sfkit.merging import Pool, Recipe
 from sfkit.merging.saving import read_recipe
+from sfkit.places import BANK, open_benchmark, open_pool
 from sfkit.search import subset_of, transfer
 
 Made = TypeVar("Made")
 
 PoolArgument = Annotated[
-    str, typer.Argument(help="A pool.toml, or the folder that holds one.", show_default=False)
+    str, typer.Argument(help="A pool.toml, the folder that holds one, or bank.", show_default=False)
 ]
 BenchmarkOption = Annotated[
-    str, typer.Option("--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, or pairs.")
+    str,
+    typer.Option("--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, pairs, or bank:NAME."),
 ]
 RootOption = Annotated[Path | None, typer.Option("--root", "-r", help="The benchmark's folder.")]
 ProtocolOption = Annotated[
@@ -77,9 +79,10 @@ def benchmark_of(
     """The benchmark the options describe, its files found and not yet read.
 
     Raises:
-        InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named.
+        InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded bank's
+            benchmarks (``bank:NAME``) have none.
     """
-    if root is None:
+    if root is None and name.partition(":")[0] != BANK:
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
     benchmark = open_benchmark(
         name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv, coding=coding

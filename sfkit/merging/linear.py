@@ -18,6 +18,8 @@ from sfkit.merging.recipe import Recipe
 # 256 Ki floats are 1 MiB: the output chunk stays in a core's cache while every task vector's chunk is
 # added to it, so that each byte of the task vectors crosses the memory bus once.
 CHUNK = 1 << 18
+# The chunks of all task vectors together, in merge_many: 11 of them are 704 KiB.
+GATHER = 1 << 14
 
 
 def merge_flat(
@@ -37,6 +39,43 @@ def merge_flat(
         coefficients = _coefficients(recipe, segment)
         used = [(vectors[e], c) for e, c in enumerate(coefficients) if c != 0.0]
         weighted_sum(base, used, out, segment.start, segment.stop)
+
+
+def merge_many(
+    recipes: Sequence[Recipe],
+    layout: FlatLayout,
+    base: torch.Tensor,
+    vectors: Sequence[torch.Tensor],
+    out: torch.Tensor,
+) -> None:
+    """Merge several recipes while the task vectors pass by once.
+
+    A chunk of every task vector is gathered in the cache and multiplied by all recipes' coefficients, so
+    that R recipes move (E + 1 + R) P floats instead of R (E + 2) P. The products are summed in another
+    order than :func:`merge_flat` does, hence the results agree to rounding, not to the last bit.
+
+    Args:
+        recipes: R of them, over the sources of ``vectors`` in that order.
+        layout: of all the buffers.
+        base: (P,) float32; not written.
+        vectors: E task vectors of shape (P,), float32; not written.
+        out: (R, P) float32, overwritten.
+    """
+    scratch = torch.empty(len(vectors), GATHER, dtype=torch.float32)
+    for segment in layout.segments:
+        weights = torch.tensor([_coefficients(recipe, segment) for recipe in recipes], dtype=torch.float32)
+        used = [e for e in range(len(vectors)) if bool((weights[:, e] != 0).any())]
+        weights = weights[:, used].contiguous()
+        for first in range(segment.start, segment.stop, GATHER):
+            part = slice(first, min(first + GATHER, segment.stop))
+            target, width = out[:, part], part.stop - part.start
+            if not used:
+                target.copy_(base[part])
+                continue
+            gathered = scratch[: len(used), :width]
+            for row, e in enumerate(used):
+                gathered[row].copy_(vectors[e][part])
+            torch.addmm(base[part], weights, gathered, out=target)
 
 
 def weighted_sum(

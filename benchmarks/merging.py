@@ -1,0 +1,199 @@
+"""How near merging comes to the speed of memory: times as multiples of the limit, in one run.
+
+    python benchmarks/merging.py [--elements 50000000] [--threads 1 2] [--json]
+
+The limit of a merge is the bytes that must move (E task vectors and the base read, the result written)
+over the machine's triad bandwidth, which is measured in the same run on arrays far larger than the last
+cache. Peers (mergekit) are measured where they are installed: ``make bench`` puts them into an
+environment of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import torch
+
+from sfkit.checkpoints.checks import Kind, TensorSpec
+from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.flat import FlatLayout
+from sfkit.merging.linear import merge_flat, merge_many
+from sfkit.merging.recipe import Recipe
+
+SOURCES = 11
+TENSORS = 400
+BLOCKS = 12
+BATCH = 8
+
+
+@dataclass(frozen=True)
+class Record:
+    """One measurement: milliseconds a recipe, and how many times the limit that is."""
+
+    name: str
+    elements: int
+    threads: int
+    milliseconds: float
+    limit_milliseconds: float
+
+    @property
+    def ratio(self) -> float:
+        """Time over limit; 1 is the speed of memory."""
+        return self.milliseconds / self.limit_milliseconds
+
+
+def best_of(work: Callable[[], object], repeats: int = 5) -> float:
+    """The shortest of several runs, in seconds; the first one warms up and does not count."""
+    work()
+    times = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - started)
+    return min(times)
+
+
+def bandwidth(elements: int) -> tuple[float, float]:
+    """Copy and triad bandwidth in bytes a second, on arrays of ``elements`` float32 each."""
+    a, b, c = (torch.full((elements,), float(i)) for i in range(3))
+    copy = best_of(lambda: a.copy_(b))
+    triad = best_of(lambda: torch.add(b, c, alpha=0.5, out=a))
+    return 2 * 4 * elements / copy, 3 * 4 * elements / triad
+
+
+class World:
+    """A layout of 400 tensors in 12 blocks, a base and 11 task vectors of random numbers."""
+
+    def __init__(self, elements: int) -> None:
+        sizes = [elements // TENSORS] * TENSORS
+        specs = [
+            TensorSpec(f"b{i % BLOCKS}.{i:03d}.weight", (size,), Kind.WEIGHT) for i, size in enumerate(sizes)
+        ]
+        self.partition = BlockPartition.of({f"b{b}": [f"b{b}.*"] for b in range(BLOCKS)})
+        self.layout = FlatLayout.of(specs, self.partition)
+        generator = torch.Generator().manual_seed(0)
+        self.base = torch.randn(self.layout.size, generator=generator)
+        self.vectors = [torch.randn(self.layout.size, generator=generator) for _ in range(SOURCES)]
+        self.names = tuple(f"s{e}" for e in range(SOURCES))
+        self.out = torch.empty(self.layout.size)
+
+    def equal(self, count: int) -> Recipe:
+        """Equal weights over the first ``count`` sources."""
+        weights = {name: 1 / count if e < count else 0.0 for e, name in enumerate(self.names)}
+        return Recipe.weighted(weights, self.partition.names)
+
+    def routed(self, seed: int) -> Recipe:
+        """Weights and scales of their own for every block."""
+        generator = torch.Generator().manual_seed(seed)
+        rows = torch.softmax(torch.randn(BLOCKS, SOURCES, generator=generator), dim=1).tolist()
+        scales = (0.25 + 1.5 * torch.rand(BLOCKS, generator=generator)).tolist()
+        return Recipe(self.names, self.partition.names, tuple(map(tuple, rows)), tuple(scales))
+
+    def merge(self, recipe: Recipe) -> torch.Tensor:
+        """Ours, into the buffer the live network's parameters are views of."""
+        merge_flat(recipe, self.layout, self.base, self.vectors, self.out)
+        return self.out
+
+
+def measure(elements: int, threads: int) -> list[Record]:
+    """All variants at one size and thread count, each checked against a plain sum."""
+    torch.set_num_threads(threads)
+    world = World(elements)
+    _, triad = bandwidth(max(elements, 1 << 26))
+    size = world.layout.size
+    records = []
+
+    def record(name: str, seconds: float, vectors: float, recipes: int = 1) -> None:
+        # What must move for one recipe: its share of the vectors and the base read, its result written.
+        limit = 4 * size * (vectors / recipes + 1 / recipes + 1) / triad
+        records.append(Record(name, size, threads, 1e3 * seconds / recipes, 1e3 * limit))
+
+    check(world)
+    full, few = world.equal(SOURCES), world.equal(3)
+    record("ours, 11 sources", best_of(lambda: world.merge(full)), SOURCES)
+    record("ours, 12 blocks routed", best_of(lambda: world.merge(world.routed(0))), SOURCES)
+    record("ours, 3 of 11 sources", best_of(lambda: world.merge(few)), 3)
+    batch = [world.routed(seed) for seed in range(BATCH)]
+    outs = torch.empty(BATCH, size)
+    together = best_of(lambda: merge_many(batch, world.layout, world.base, world.vectors, outs), 3)
+    record("ours, 8 recipes together", together, SOURCES, BATCH)
+    outs = torch.empty(0)
+    record("naive dict of tensors", best_of(lambda: naive(world), 3), SOURCES)
+    record("in-place add_", best_of(lambda: in_place(world), 3), SOURCES)
+    halves = [vector.bfloat16() for vector in world.vectors]
+    record(
+        "ours, bf16 task vectors",
+        best_of(lambda: merge_flat(full, world.layout, world.base, halves, world.out), 3),
+        SOURCES / 2,
+    )
+    halves = []
+    if importlib.util.find_spec("mergekit"):
+        from peers import mergekit_seconds
+
+        for method in ("linear", "task_arithmetic"):
+            record(f"mergekit {method}", mergekit_seconds(world, method, best_of), SOURCES)
+    return records
+
+
+def check(world: World) -> None:
+    """Ours equals the sum written plainly, and the network's parameters are views of the buffer."""
+    recipe = world.routed(3)
+    out = world.merge(recipe)
+    views = world.layout.views(out)
+    if any(view.data_ptr() < out.data_ptr() for view in views.values()):
+        raise SystemExit("a parameter is no view of the buffer")
+    for spec, offset in world.layout.entries[::37]:
+        part, block = slice(offset, offset + spec.size), world.partition.block_of(spec.key)
+        row, scale = recipe.weights[block], recipe.scales[block]
+        moved = sum(w * v[part].double() for w, v in zip(row, world.vectors, strict=True))
+        if not torch.allclose(out[part].double(), world.base[part].double() + scale * moved, atol=1e-5):
+            raise SystemExit(f"{spec.key}: our merge differs from the plain sum")
+
+
+def naive(world: World) -> dict[str, torch.Tensor]:
+    """What a first version does: a dictionary of new tensors."""
+    views = [world.layout.views(vector) for vector in world.vectors]
+    base = world.layout.views(world.base)
+    return {key: base[key] + sum(view[key] for view in views) / SOURCES for key in base}
+
+
+def in_place(world: World) -> torch.Tensor:
+    """Whole vectors added one after the other: the result passes through memory 11 times."""
+    world.out.copy_(world.base)
+    for vector in world.vectors:
+        world.out.add_(vector, alpha=1 / SOURCES)
+    return world.out
+
+
+def main() -> None:
+    """Measure and print a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--elements", type=int, nargs="+", default=[50_000_000, 100_000_000])
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    rows = []
+    for threads in options.threads:
+        torch.set_num_threads(threads)
+        copy, triad = bandwidth(1 << 27)
+        print(f"{threads} threads: copy {copy / 1e9:.1f} GB/s, triad {triad / 1e9:.1f} GB/s", file=sys.stderr)
+        for elements in options.elements:
+            rows += measure(elements, threads)
+    if options.json:
+        print(json.dumps([{**asdict(row), "ratio": row.ratio} for row in rows], indent=2))
+        return
+    print(f"{'variant':28s} {'elements':>12s} {'threads':>7s} {'ms a recipe':>12s} {'x limit':>8s}")
+    for row in rows:
+        print(
+            f"{row.name:28s} {row.elements:12,d} {row.threads:7d} {row.milliseconds:12.1f} {row.ratio:8.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

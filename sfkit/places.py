@@ -1,0 +1,76 @@
+"""Names for what ships with sfkit: the pool ``bank`` and its benchmarks ``bank:NAME``, beside one's own files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from sfkit import bank
+from sfkit.checkpoints.spec import PoolSpec
+from sfkit.datasets import Benchmark
+from sfkit.datasets import open_benchmark as open_own_benchmark
+from sfkit.errors import InputError
+from sfkit.merging import Pool
+from sfkit.merging import open_pool as open_own_pool
+
+BANK = "bank"
+
+
+def open_pool(path: str | Path | PoolSpec) -> Pool:
+    """Open a pool: ``"bank"`` for the embedded one, else a ``pool.toml`` or its folder.
+
+    Raises:
+        InputError: as :func:`sfkit.merging.open_pool` says.
+    """
+    return open_own_pool(bank.pool_path() if path == BANK else path)
+
+
+def open_benchmark(
+    name: str,
+    root: Path | str | None = None,
+    *,
+    protocol: str | None = None,
+    metric: str | None = None,
+    resolution: str | None = None,
+    pairs: int | Iterable[str] | None = None,
+    coding: str | None = None,
+    table: Path | str | None = None,
+) -> Benchmark:
+    """Open a benchmark: ``"bank:NAME"`` of the embedded bank, a public data set, or a folder of pairs.
+
+    Args:
+        name: ``bank:NAME``, or what :func:`sfkit.datasets.open_benchmark` takes.
+        root: the folder; the bank's benchmarks have none, they are rendered.
+        protocol: as there.
+        metric: as there.
+        resolution: as there.
+        pairs: the first so many pairs, or the ids to keep.
+        coding: as there.
+        table: as there.
+
+    Raises:
+        InputError: an unknown name, a root that is missing or not wanted, or settings that do not fit.
+    """
+    prefix, colon, world = name.partition(":")
+    if prefix != BANK:
+        if root is None:
+            raise InputError(f"benchmark {name!r}: root is missing, expected the folder of its files")
+        return open_own_benchmark(
+            name,
+            root,
+            protocol=protocol,
+            metric=metric,
+            resolution=resolution,
+            pairs=pairs,
+            coding=coding,
+            table=table,
+        )
+    if not colon:
+        known = ", ".join(f"bank:{entry}" for entry in bank.benchmarks())
+        raise InputError(f"benchmark {name!r}: the bank has several, expected one of: {known}")
+    if root is not None or resolution is not None or coding is not None or table is not None:
+        raise InputError(f"benchmark {name!r}: is rendered, expected no root, resolution, coding or table")
+    whole = bank.benchmark(world).measured_by(protocol=protocol, metric=metric)
+    if pairs is None:
+        return whole
+    return whole.first(pairs) if isinstance(pairs, int) else whole.select(pairs)
