@@ -32,7 +32,7 @@ from sfkit.evaluation import (
 from sfkit.merging import LiveModel, Pool, Recipe, routed
 from sfkit.merging.network import load_network
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
-from sfkit.places import open_benchmark, open_pool
+from sfkit.places import open_benchmark, open_benchmarks, open_pool
 from sfkit.search import (
     Constraints,
     Journal,
@@ -72,6 +72,7 @@ __all__ = [
     "estimate",
     "load_network",
     "open_benchmark",
+    "open_benchmarks",
     "open_pool",
     "pivot",
     "read_checkpoint",

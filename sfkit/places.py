@@ -1,15 +1,17 @@
-"""Names for what ships with sfkit: the pool ``bank`` and its benchmarks ``bank:NAME``, beside one's own files."""
+"""Names for what ships with sfkit, beside one's own files: the pool ``bank``, benchmarks ``bank:NAME``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import inspect
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from sfkit import bank
 from sfkit.checkpoints.spec import PoolSpec
 from sfkit.datasets import Benchmark
 from sfkit.datasets import open_benchmark as open_own_benchmark
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 from sfkit.merging import Pool
 from sfkit.merging import open_pool as open_own_pool
 
@@ -74,3 +76,24 @@ def open_benchmark(
     if pairs is None:
         return whole
     return whole.first(pairs) if isinstance(pairs, int) else whole.select(pairs)
+
+
+def open_benchmarks(entries: Iterable[str | Mapping[str, Any]]) -> list[Benchmark]:
+    """Open several: each entry a name, or the arguments of :func:`open_benchmark` as a dictionary.
+
+    Raises:
+        InputError: as :func:`open_benchmark` says, or an entry is neither, or has an unknown argument.
+    """
+    known = tuple(inspect.signature(open_benchmark).parameters)
+    opened = []
+    for entry in entries:
+        if not isinstance(entry, str | Mapping):
+            raise InputError(f"benchmarks: found {entry!r}, expected a name or a dictionary of arguments")
+        values = {"name": entry} if isinstance(entry, str) else dict(entry)
+        for key in values:
+            if key not in known:
+                raise unknown_name("argument of a benchmark", key, known)
+        if "name" not in values:
+            raise InputError(f"benchmarks: found {values}, expected an entry 'name'")
+        opened.append(open_benchmark(**values))
+    return opened

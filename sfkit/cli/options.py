@@ -26,7 +26,7 @@ PoolArgument = Annotated[
 ]
 BenchmarkOption = Annotated[
     str,
-    typer.Option("--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, pairs, or bank:NAME."),
+    typer.Option("--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, pairs, bank:NAME."),
 ]
 RootOption = Annotated[Path | None, typer.Option("--root", "-r", help="The benchmark's folder.")]
 ProtocolOption = Annotated[
