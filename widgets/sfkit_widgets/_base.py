@@ -1,0 +1,99 @@
+"""What all widgets share: a theme, checked settings, acknowledged commands, errors in sight."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import anywidget
+import traitlets
+
+from sfkit.errors import unknown_name
+from sfkit.figures import Theme
+from sfkit_widgets._commands import call, sentence
+
+VIEWS_REMEMBERED = 16
+
+
+class SfkitWidget(anywidget.AnyWidget):
+    """Base of the widgets. State goes to the browser in traits, commands come from it in messages.
+
+    A subclass sets ``_esm`` and ``_css`` (see :mod:`sfkit_widgets._assets`), marks methods with
+    :func:`~sfkit_widgets._commands.command`, and hands its caller's further keyword arguments on as
+    ``settings``. Traits hold all that is drawn, so that a saved notebook shows the last state without a
+    kernel; numbers in them are finite or None, since JSON has no others.
+
+    Commands run one at a time, in whatever thread Jupyter delivers messages; what they change reaches the
+    browser in one message together with the acknowledgement. Any other thread that changes traits takes
+    :meth:`reporting`.
+    """
+
+    theme = traitlets.Enum([entry.value for entry in Theme], default_value=Theme.AUTO.value).tag(
+        sync=True, setting=True
+    )
+    """Colours of the page it stands on: ``"light"``, ``"dark"``, or ``"auto"`` to follow the host.
+
+    - Type: `str`
+    - Default: `"auto"`: JupyterLab's, Notebook's, VS Code's or Colab's theme, else the browser's.
+    """
+
+    error = traitlets.Unicode("").tag(sync=True)
+    """What went wrong last, one sentence; shown at the top of the widget. Empty where nothing did.
+
+    - Type: `str`
+    - Default: `""`
+    """
+
+    acknowledged = traitlets.Dict().tag(sync=True)
+    """Number of the last command that was carried out (or refused), by the view that sent it.
+
+    - Type: `dict[str, int]`, the latest 16 views
+    - Default: `{}`
+    """
+
+    def __init__(self, settings: Mapping[str, Any] | None = None, /, **state: Any) -> None:
+        """Check a caller's settings and show the state.
+
+        Args:
+            settings: keyword arguments of the caller: traits marked ``setting``, and ``layout``.
+            state: first values of any trait.
+
+        Raises:
+            InputError: a setting of another name; the nearest is suggested.
+            traitlets.TraitError: a value of the wrong kind.
+        """
+        settings = settings or {}
+        allowed = [*self.trait_names(setting=True), "layout"]
+        for name in settings:
+            if name not in allowed:
+                raise unknown_name(f"argument of {type(self).__name__}", name, allowed)
+        self._commanding = threading.RLock()
+        super().__init__(**state, **settings)
+        self.on_msg(self._receive)
+
+    @contextmanager
+    def reporting(self) -> Iterator[None]:
+        """Alone with the widget; an exception goes no further and appears in it.
+
+        Changes reach the browser in one message when the block ends.
+        """
+        with self._commanding, self.hold_sync():
+            try:
+                yield
+            except Exception as error:  # whatever it is, the person in front of the widget must see it
+                self.error = sentence(error)
+
+    def _receive(self, _widget: object, content: Any, _buffers: object) -> None:
+        """Carry out one message of the front end: command, arguments, view and sequence number."""
+        with self._commanding, self.hold_sync():
+            with self.reporting():
+                self.error = ""
+                call(self, content)
+            self._acknowledge(str(content["view"]), int(content["sequence"]))
+
+    def _acknowledge(self, view: str, sequence: int) -> None:
+        others = {name: number for name, number in self.acknowledged.items() if name != view}
+        kept = list(others.items())[-(VIEWS_REMEMBERED - 1) :]
+        self.acknowledged = {**dict(kept), view: sequence}
