@@ -100,7 +100,7 @@ def serving(folder: Path, app: str) -> Iterator[Server]:
     for place in (root, *places.values()):
         place.mkdir(parents=True, exist_ok=True)
     (home / "sitecustomize.py").write_text(SITECUSTOMIZE, encoding="utf-8")
-    for plugin, values in SETTINGS.items():
+    for plugin, values in SETTINGS.items() if app == "jupyterlab" else ():
         file = home / f"settings/{plugin}.jupyterlab-settings"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(values), encoding="utf-8")
