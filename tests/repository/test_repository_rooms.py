@@ -23,6 +23,7 @@ ROOMS = (
     "figures",
     "inspection",
     "bank",
+    "places",
     "notebooks",
     "reports",
     "demo",
