@@ -97,7 +97,7 @@ def _read_torch(path: Path) -> CheckpointFile:
         AttributeError,
         TypeError,
     ) as error:
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        reason = _first_sentence(str(error)) or type(error).__name__
         raise InputError(f"{path}: cannot be read ({reason}), expected a whole torch file") from error
     tensors, layout = unwrap(content, path)
     return CheckpointFile(path, tensors, layout, _own_metadata(path, content), mapped)
@@ -118,9 +118,14 @@ def _own_metadata(path: Path, content: object) -> dict[str, str]:
 def _refusal(path: Path, message: str) -> str:
     code = re.search(r"(?:GLOBAL|global) `?([\w.]+)", message)
     if code is None and "Unsupported" not in message and "Weights only" not in message:
-        return f"{path}: cannot be read ({message.splitlines()[0]}), expected a whole torch file"
+        return f"{path}: cannot be read ({_first_sentence(message)}), expected a whole torch file"
     needs = f" ({code.group(1)})" if code and "." in code.group(1) else ""
     return (
         f"{path}: reading it would run pickled code{needs}, which sfkit refuses: load it where you trust it "
         "and save the weights alone with torch.save(network.state_dict(), path)"
     )
+
+
+def _first_sentence(text: str) -> str:
+    """Torch's own messages go on with advice for its developers."""
+    return re.split(r"[.!?]\s|\n", text.strip(), maxsplit=1)[0]

@@ -89,7 +89,7 @@ def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
     if path.exists() and not overwrite:
-        raise InputError(f"{path}: the file exists, give another name or ask for overwriting")
+        raise InputError(f"{path}: the file exists, give another name or allow overwriting (--force)")
     parent = next(folder for folder in path.absolute().parents if folder.exists())
     if not parent.is_dir() or not os.access(parent, os.W_OK):
         raise InputError(f"{path}: {parent} is no folder that can be written to, expected one")

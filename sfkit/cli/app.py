@@ -16,6 +16,7 @@ from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 app = typer.Typer(
     name="sfkit",
     help="Merge stereo-matching networks: find which fine-tuned checkpoints to mix, and how.",
+    no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
@@ -38,13 +39,11 @@ UsageError: type[Exception] = typer.BadParameter.__mro__[1]
 
 @app.callback(invoke_without_command=True)
 def _root(
-    context: typer.Context,
     version: bool = typer.Option(False, "--version", help="Print the version and exit."),
 ) -> None:
     if version:
         typer.echo(f"sfkit {sfkit.__version__}")
-    elif context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+        raise typer.Exit
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -81,6 +80,9 @@ def _run(words: list[str]) -> int:
 
 
 def _refuse(message: str, code: int, usage: object = None) -> int:
+    if message.startswith("Usage: "):  # a command that has sub-commands was named alone
+        typer.echo(message, err=True)
+        return code
     sentence = " ".join(message.split()).rstrip(".")
     context = getattr(usage, "ctx", None)
     if context is not None:

@@ -17,13 +17,7 @@ from sfkit.cli.options import (
 from sfkit.datasets.check import check_data
 from sfkit.errors import InputError
 
-app = typer.Typer(help="Look at data sets.", rich_markup_mode=None)
-
-
-@app.callback(invoke_without_command=True)
-def _data(context: typer.Context) -> None:
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @app.command("check")

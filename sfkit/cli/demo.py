@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from tqdm import tqdm
 
 from sfkit.cli.options import JsonOption, emit
-from sfkit.demo import Demo
-from sfkit.demo import demo as run_demo
 from sfkit.errors import InputError
+
+if TYPE_CHECKING:
+    from sfkit.demo import Demo
 
 
 def demo(
@@ -28,6 +29,8 @@ def demo(
     Example:
       sfkit demo
     """
+    from sfkit.demo import demo as run_demo  # with all of Jupyter behind it, too slow for other commands
+
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder for the results")
     with Bars() as bars:

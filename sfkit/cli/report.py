@@ -10,8 +10,6 @@ import typer
 
 from sfkit.cli.options import JsonOption, emit, say
 from sfkit.errors import InputError
-from sfkit.reports import read_parameters
-from sfkit.reports import report as run_report
 
 
 def report(
@@ -33,6 +31,9 @@ def report(
     Example:
       sfkit report notebooks/01_quickstart.ipynb -p pool pool.toml -p seed 1 -o report.html
     """
+    from sfkit.reports import read_parameters  # with all of Jupyter behind it, too slow for other commands
+    from sfkit.reports import report as run_report
+
     values = read_parameters(notebook, dict(_parameter(text) for text in parameter or []))
     written = run_report(notebook, values, out, progress=say)
     emit({"report": written}, f"wrote {written}", as_json=json)

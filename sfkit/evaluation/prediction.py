@@ -144,7 +144,7 @@ class PredictionPlan:
                     raise InputError(f"{target}: is one of the images, choose another folder for the results")
                 if target.exists() and not overwrite:
                     raise InputError(
-                        f"{target}: the file exists, choose another folder or ask for overwriting"
+                        f"{target}: the file exists, choose another folder or allow overwriting (--force)"
                     )
                 if (other := claimed.setdefault(target, left)) != left:
                     raise InputError(f"{left} and {other}: would both be written to {target}, rename one")

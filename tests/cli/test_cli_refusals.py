@@ -1,0 +1,91 @@
+"""Bad input: exit code 2, one sentence that names file or argument and cause; nothing written or run."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from cli_cases import CASES, Case
+from cli_world import make_world
+
+from sfkit.cli import main
+from sfkit.evaluation.engines.worker import Worker
+from sfkit.merging.live import LiveModel
+
+SECOND_SENTENCE = re.compile(r"[.!?]\s+[A-Z]")
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = make_world(tmp_path_factory.mktemp("world"))
+    (folder / "folder.safetensors").mkdir()
+    return folder
+
+
+def contents(folder: Path) -> dict[str, str]:
+    """Every path below a folder with the digest of what it holds."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def refusal(errors: str) -> str:
+    """The one sentence on standard error, beside warnings."""
+    lines = [line for line in errors.splitlines() if not line.startswith("warning: ")]
+    assert len(lines) == 1, errors
+    assert lines[0].startswith("error: ")
+    sentence = lines[0].removeprefix("error: ")
+    assert not SECOND_SENTENCE.search(sentence), sentence
+    return sentence
+
+
+def no_network(*_: object, **__: object) -> None:
+    raise AssertionError("a network ran although the input is bad")
+
+
+def test_there_are_enough_cases() -> None:
+    assert len(CASES) >= 30
+    assert len({case.id for case in CASES}) == len(CASES) == len({case.line for case in CASES})
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
+def test_bad_input_is_refused(
+    case: Case, world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(world)
+    monkeypatch.setattr(Worker, "run", no_network)
+    monkeypatch.setattr(LiveModel, "__init__", no_network)
+    before = contents(world)
+    with pytest.raises(SystemExit) as ended:
+        main(case.line.split())
+    out, errors = capsys.readouterr()
+    assert ended.value.code == 2
+    assert out == ""
+    sentence = refusal(errors)
+    for word in case.words:
+        assert word in sentence
+    assert contents(world) == before
+
+
+@pytest.mark.parametrize("name", ["pool-nan", "pairs-unequal"])
+def test_a_process_of_its_own_says_the_same(name: str, world: Path) -> None:
+    case = next(case for case in CASES if case.id == name)
+    before = contents(world)
+    ended = subprocess.run(
+        [sys.executable, "-c", "from sfkit.cli import main; main()", *case.line.split()],
+        cwd=world,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 2
+    assert ended.stdout == ""
+    assert all(word in refusal(ended.stderr) for word in case.words)
+    assert contents(world) == before
