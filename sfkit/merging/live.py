@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import torch
 from torch import nn
 
+from sfkit.merging.forward import ForwardMode
 from sfkit.merging.recipe import Recipe
+from sfkit.merging.residency import DeviceMerger
 
 if TYPE_CHECKING:
     from sfkit.merging.pool import Pool
@@ -22,17 +24,25 @@ class LiveModel:
             ``flat``, so :meth:`apply` changes it in place.
         flat: (P,) float32 buffer on ``device``.
         recipe: the recipe the network holds now.
+        mode: how its forward passes compute.
     """
 
     def __init__(
-        self, pool: Pool, recipe: Recipe | None = None, *, device: str | torch.device = "cpu"
+        self,
+        pool: Pool,
+        recipe: Recipe | None = None,
+        *,
+        device: str | torch.device = "cpu",
+        mode: ForwardMode | None = None,
     ) -> None:
         self.pool = pool
         self.device = torch.device(device)
+        self.mode = mode or ForwardMode()
         self.network = pool.build().to(self.device).eval().requires_grad_(requires_grad=False)
         self.flat = torch.empty(pool.layout.size, dtype=torch.float32, device=self.device)
         _load(self.network, pool.base_tensors)
         _bind(self.network, pool.layout.views(self.flat))
+        self._merger = None if self.device.type == "cpu" else DeviceMerger(pool, self.device)
         self.recipe = recipe if recipe is not None else pool.base_recipe()
         self.apply(self.recipe)
 
@@ -42,10 +52,7 @@ class LiveModel:
         Raises:
             InputError: the recipe names sources or blocks the pool does not have.
         """
-        if self.device.type == "cpu":
-            self.pool.merge_into(recipe, self.flat)
-        else:
-            self.flat.copy_(self.pool.merge_into(recipe, torch.empty(self.pool.layout.size)))
+        (self._merger or self.pool).merge_into(recipe, self.flat)
         self.recipe = recipe
 
     @torch.inference_mode()
@@ -59,7 +66,8 @@ class LiveModel:
         Returns:
             (H, W) float32 disparity of the left image in pixels, on the CPU.
         """
-        output = self.network(left.to(self.device), right.to(self.device))
+        with self.mode.computing(self.device):
+            output = self.network(*(self.mode.place(images, self.device) for images in (left, right)))
         return output.reshape(output.shape[-2:]).float().cpu()  # type: ignore[no-any-return]
 
 

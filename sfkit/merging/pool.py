@@ -119,16 +119,24 @@ class Pool:
         Raises:
             InputError: the recipe names sources or blocks the pool does not have.
         """
+        ordered = self.ordered(recipe)
+        merge_flat(ordered, self.layout, self.base_flat, [self.vectors[n] for n in ordered.sources], out)
+        return out
+
+    def ordered(self, recipe: Recipe) -> Recipe:
+        """The recipe with its sources in the order task vectors are added in: that of their fingerprints.
+
+        Raises:
+            InputError: the recipe names sources or blocks the pool does not have.
+        """
         self.check_recipe(recipe)
         order = sorted(range(len(recipe.sources)), key=lambda e: self.identity[recipe.sources[e]])
-        ordered = Recipe(
+        return Recipe(
             tuple(recipe.sources[e] for e in order),
             recipe.blocks,
             tuple(tuple(row[e] for e in order) for row in recipe.weights),
             recipe.scales,
         )
-        merge_flat(ordered, self.layout, self.base_flat, [self.vectors[n] for n in ordered.sources], out)
-        return out
 
     def check_recipe(self, recipe: Recipe) -> None:
         """Refuse a recipe that was made for another pool or partition.

@@ -1,0 +1,51 @@
+"""How a forward pass computes: its numeric precision and memory layout, which belong to evaluation keys."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from sfkit.errors import unknown_name
+
+_AUTOCAST: dict[str, torch.dtype | None] = {"float32": None, "bfloat16": torch.bfloat16}
+PRECISIONS = tuple(_AUTOCAST)
+
+
+@dataclass(frozen=True)
+class ForwardMode:
+    """How networks run.
+
+    Attributes:
+        precision: ``"float32"``, or ``"bfloat16"`` for autocast: weights, merges and disparities stay
+            float32, convolutions and products are computed in bfloat16.
+        channels_last: whether images enter with their channels innermost, which some convolutions are
+            faster on. Weights stay as they lie in the flat buffer.
+
+    Raises:
+        InputError: an unknown precision.
+    """
+
+    precision: str = "float32"
+    channels_last: bool = False
+
+    def __post_init__(self) -> None:
+        if self.precision not in _AUTOCAST:
+            raise unknown_name("precision", self.precision, _AUTOCAST)
+
+    def describe(self) -> dict[str, Any]:
+        """What of this an evaluation's key holds; the layout only where it is not the usual one."""
+        return {"precision": self.precision} | ({"channels_last": True} if self.channels_last else {})
+
+    def computing(self, device: torch.device) -> AbstractContextManager[Any]:
+        """The context a forward pass runs in on ``device``."""
+        dtype = _AUTOCAST[self.precision]
+        return nullcontext() if dtype is None else torch.autocast(device.type, dtype=dtype)
+
+    def place(self, images: torch.Tensor, device: torch.device) -> torch.Tensor:
+        """Images (1, 3, H, W) on ``device`` in this mode's memory layout."""
+        if not self.channels_last:
+            return images.to(device)
+        return images.to(device, memory_format=torch.channels_last)
