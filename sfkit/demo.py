@@ -18,7 +18,6 @@ from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.saving import save_merged
 from sfkit.notebooks import notebook_path
-from sfkit.reports import report
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 from sfkit.search.records import Generation
 from sfkit.search.routing import RoutingCandidate
@@ -149,6 +148,8 @@ def _single_best(pool: Pool, scorer: Evaluator) -> str:
 
 
 def _report(out: Path, seed: int, budget: Budget, progress: Progress) -> Path:
+    from sfkit.reports import report  # Jupyter takes seconds to import: only who wants a report waits
+
     progress("Report", 0, 1, "")
     values = {
         "population": budget.population,

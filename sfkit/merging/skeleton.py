@@ -24,7 +24,7 @@ def skeleton(architecture: Architecture, options: Mapping[str, Any]) -> tuple[Te
     try:
         with torch.device("meta"):
             network = architecture.build(**options)
-    except (NotImplementedError, RuntimeError):
+    except RuntimeError:
         network = architecture.build(**options)
     return tuple(_specs(network, architecture))
 
