@@ -1,0 +1,237 @@
+"""What commands print: one JSON document or plain text, progress and warnings apart, help that teaches."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import numpy as np
+import pandas as pd
+import pytest
+import typer
+from cli_world import rename_sources
+from safetensors.torch import load_file, save_file
+from tiny import base_state, write_pairs, write_pool
+
+from sfkit.cli import main
+from sfkit.cli.app import app
+from sfkit.datasets.pfm import read_pfm
+from sfkit.evaluation import EvaluationStore
+from sfkit.merging.saving import read_recipe
+
+PAIRS = "-b pairs -r pairs"
+
+
+@pytest.fixture(autouse=True)
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    rename_sources(write_pool(tmp_path / "pool"))
+    write_pairs(tmp_path / "pairs", 2)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+class Shell:
+    """Runs command lines in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+
+    def __call__(self, line: str, code: int = 0) -> tuple[str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main(line.split())
+        out, errors = self.capsys.readouterr()
+        assert ended.value.code == code, errors
+        return out, errors
+
+    def json(self, line: str, code: int = 0) -> Any:
+        """The one document on standard output, which holds nothing else."""
+        out, _ = self(f"{line} --json", code)
+        document, end = json.JSONDecoder().raw_decode(out)
+        assert out[end:] == "\n"
+        return document
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+def commands() -> Iterator[tuple[str, Any]]:
+    """Every command of the application with its full name."""
+    group = typer.main.get_command(app)
+    for name, command in group.commands.items():  # type: ignore[attr-defined]
+        inner = getattr(command, "commands", {})
+        yield from ((f"{name} {sub}", found) for sub, found in inner.items())
+        if not inner:
+            yield name, command
+
+
+@pytest.mark.parametrize("name", [name for name, _ in commands()])
+def test_help_teaches_by_example(name: str, shell: Shell) -> None:
+    text, _ = shell(f"{name} --help")
+    lines = [line.strip() for line in text.splitlines()]
+    assert any(line in ("Example:", "Examples:") for line in lines)
+    assert any(line.startswith(f"sfkit {name}") for line in lines)
+
+
+def test_every_command_reports_as_json() -> None:
+    lacking = [n for n, c in commands() if not any("--json" in option.opts for option in c.params)]
+    assert lacking == []
+
+
+def test_no_command_lists_them(shell: Shell) -> None:
+    _, text = shell("", code=2)
+    assert "search" in text
+    assert "error:" not in text
+
+
+def test_version(shell: Shell) -> None:
+    out, _ = shell("--version")
+    assert out.split()[0] == "sfkit"
+
+
+def test_evaluate(shell: Shell, world: Path) -> None:
+    line = f"evaluate pool {PAIRS} --members --uniform --all-subsets --metric bad-1.0 --store s.sqlite"
+    document = shell.json(f"{line} -o tables/scores.csv")
+    rows = document["scores"]
+    assert [row["network"] for row in rows] == [
+        "base", "kitti", "driving", "indoor", "kitti+driving", "kitti+indoor", "driving+indoor",
+        "kitti+driving+indoor", "uniform",
+    ]  # fmt: skip
+    scores = {row["network"]: row["score"] for row in rows}
+    assert scores["uniform"] == scores["kitti+driving+indoor"]
+    assert document["best"] == min(scores, key=scores.__getitem__)
+    assert document["benchmark"]["protocol"] == "all-valid"
+    assert {row["unit"] for row in rows} == {"%"}
+    table = pd.read_csv(world / "tables" / "scores.csv")
+    assert table["score"].tolist() == pytest.approx(list(scores.values()))
+    with EvaluationStore(world / "s.sqlite") as store:
+        assert len(store) == 8, "the uniform merge is the subset of all"
+    text, progress = shell(line)
+    assert f"{scores['base']:.4f} %" in text
+    assert "bad-1.0 under protocol all-valid on pairs (2 pairs)" in text
+    assert progress.strip() == "pairs: 8 of 8 networks scored", "all from the store"
+
+
+def test_evaluate_a_recipe_and_the_sources_of_another(shell: Shell) -> None:
+    shell("merge pool --weights kitti=0.25,indoor=0.75 -o mix.safetensors")
+    document = shell.json(f"evaluate pool {PAIRS} --recipe mix.safetensors --subset-from mix.safetensors")
+    names = [row["network"] for row in document["scores"]]
+    assert names == ["sources of mix.safetensors", "mix.safetensors"]
+    assert document["scores"][0]["score"] != document["scores"][1]["score"]
+
+
+def test_merge_and_show(shell: Shell, world: Path) -> None:
+    document = shell.json("merge pool --subset kitti,indoor -o merged.safetensors")
+    assert document["file"] == "merged.safetensors"
+    assert document["recipe"]["sources"] == ["kitti", "indoor"]
+    assert document["licences"] == {"base": "CC0-1.0", "kitti": "licence of a", "indoor": "licence of c"}
+    shown = shell.json("show merged.safetensors")
+    assert shown["kind"] == "merged network"
+    assert shown["origin"]["recipe"] == document["recipe"]
+    text, _ = shell("show merged.safetensors")
+    assert "licence of c" in text
+    assert "weights 0.500 0.500  scale 1.000" in text
+    (world / "recipe.json").write_text(read_recipe(world / "merged.safetensors").to_json())
+    assert shell.json("show recipe.json")["recipe"] == document["recipe"]
+    assert shell.json("show pool")["members"]["kitti"]["exists"]
+    shell(f"evaluate pool {PAIRS} --uniform --store s.sqlite")
+    assert shell.json("show s.sqlite")["evaluations"] == 1
+
+
+def test_the_original_form_says_its_origin_too(shell: Shell) -> None:
+    shell("merge pool --uniform -o merged.pth --form original")
+    assert shell.json("show merged.pth")["origin"]["pool"] == "tiny"
+
+
+def test_search(shell: Shell, world: Path) -> None:
+    line = f"search pool {PAIRS} --population 4 --generations 1 --evaluations 6 -o run --yes"
+    document = shell.json(line)
+    assert document["stage2"] <= document["stage1"], "x = 0 is the merge that Stage 1 scored"
+    assert document["score"] == document["stage2"]
+    assert document["folder"] == "run"
+    assert document["evaluations"]["computed"] > 0
+    stored = json.loads((world / "run" / "result.json").read_text())
+    assert stored.items() <= document.items()
+    assert read_recipe(world / "run" / "merged.safetensors").as_dict() == document["recipe"]
+    text, progress = shell(line)
+    assert "cost: at most 14 evaluations of 2 pairs" in progress
+    assert f"best epe: {document['score']:.4f} px" in text
+
+
+def test_predict(shell: Shell, world: Path) -> None:
+    shell("merge pool --uniform -o merged.safetensors")
+    images = "-l pairs/pair0/left.png -r pairs/pair0/right.png"
+    line = f"predict merged.safetensors {images} --focal 100 --baseline 0.5"
+    document = shell.json(f"{line} -o out")
+    (row,) = document["predictions"]
+    disparity = read_pfm(world / "out" / "left.pfm")
+    assert row["median_px"] == pytest.approx(float(np.median(disparity)))
+    assert row["nonfinite"] == 0
+    depth = read_pfm(Path(row["depth"]))
+    assert depth[20, 50] == pytest.approx(100 * 0.5 / disparity[20, 50], rel=1e-6)
+    _, errors = shell(f"{line} -o out", code=2)
+    assert "exists" in errors
+    shell(f"{line} -o out --force")
+
+
+def test_data_check(shell: Shell) -> None:
+    document = shell.json("data check pairs -r pairs")
+    assert document["ok"]
+    assert document["found"] == 2
+    text, _ = shell("data check pairs -r pairs")
+    assert "found 2 pairs" in text
+
+
+def test_data_that_is_not_usable_ends_with_1(shell: Shell, world: Path) -> None:
+    shutil.copy(world / "pairs/pair0/left.png", world / "pairs/pair0/right.png")
+    document = shell.json("data check pairs -r pairs", code=1)
+    assert not document["ok"]
+
+
+def test_report(shell: Shell, world: Path) -> None:
+    book = nbformat.v4.new_notebook()
+    cell = nbformat.v4.new_code_cell("name = 'x'\nsizes = [1]", metadata={"tags": ["parameters"]})
+    book.cells = [cell, nbformat.v4.new_code_cell("print(name, sum(sizes))\nassert name != 'bad'")]
+    nbformat.write(book, world / "book.ipynb")
+    document = shell.json("report book.ipynb -p name 750 -p sizes [2,3] -o page.html")
+    assert document == {"report": "page.html"}
+    assert "750 5" in (world / "page.html").read_text(), "text stays text where the default is text"
+    _, errors = shell("report book.ipynb -p name bad -o bad.html", code=1)
+    assert "bad.html shows it" in errors
+    assert "AssertionError" in (world / "bad.html").read_text()
+
+
+def test_a_random_network_among_the_sources_warns(shell: Shell, world: Path) -> None:
+    save_file(base_state(seed=99), world / "pool" / "b.safetensors")
+    out, errors = shell(f"evaluate pool {PAIRS} --uniform")
+    (warning,) = [line for line in errors.splitlines() if line.startswith("warning: ")]
+    assert "pool/b.safetensors" in warning
+    assert "'driving' does not look like a fine-tune of the base" in warning
+    assert "warning" not in out
+
+
+def test_exchanged_images_warn_once_for_the_benchmark(shell: Shell, world: Path) -> None:
+    for pair in sorted((world / "pairs").iterdir()):
+        (pair / "left.png").rename(pair / "kept.png")
+        (pair / "right.png").rename(pair / "left.png")
+        (pair / "kept.png").rename(pair / "right.png")
+    _, errors = shell(f"evaluate pool {PAIRS} --all-subsets")
+    (warning,) = [line for line in errors.splitlines() if line.startswith("warning: ")]
+    assert "'pair0' looks wrong (as 1 of the other 1 pairs)" in warning
+    assert "left and right look exchanged" in warning
+
+
+def test_weights_that_overflow_score_as_wrong_everywhere(shell: Shell, world: Path) -> None:
+    huge = {
+        k: v * 1e30 if v.is_floating_point() else v
+        for k, v in load_file(world / "pool/a.safetensors").items()
+    }
+    save_file(huge, world / "pool" / "a.safetensors")
+    text, errors = shell(f"evaluate pool {PAIRS} --subset kitti --metric bad-1.0")
+    assert "100.0000 %  (not finite on 2 of 2 images)" in text
+    assert errors.count("warning: ") == 1
