@@ -98,6 +98,4 @@ def _benchmark(name: str, pairs: int, split: str) -> Benchmark:
 @lru_cache(maxsize=256)
 def _render(world: str, index: int, split: str) -> Sample:
     pair = synthetic_pair({**domains(), **worlds()}[world], index, split=split)
-    for array in (pair.left, pair.right, pair.disparity, pair.nonoccluded):
-        array.flags.writeable = False
     return Sample(f"{world}-{index:02d}", pair.left, pair.right, pair.disparity, pair.nonoccluded)
