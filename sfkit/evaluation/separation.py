@@ -68,10 +68,10 @@ def check_separation(
         InputError: pairs are in both and ``allow`` is False, or two different benchmarks have one name.
     """
     guides = (validation,) if isinstance(validation, Benchmark) else tuple(validation)
-    seen = {identity for guide in guides for pair in guide.pairs for identity in _identities(pair)}
+    seen = {identity for guide in guides for pair in guide.pairs for identity in identities(pair)}
     shared: dict[str, tuple[str, ...]] = {}
     for benchmark in reported:
-        both = tuple(pair.id for pair in benchmark.pairs if seen & _identities(pair))
+        both = tuple(pair.id for pair in benchmark.pairs if seen & identities(pair))
         if both:
             shared[benchmark.name] = both
     if shared and not allow:
@@ -84,7 +84,8 @@ def check_separation(
     return Separation(tuple(guide.name for guide in guides), shared, _columns((*guides, *reported)))
 
 
-def _identities(pair: Pair) -> set[str]:
+def identities(pair: Pair) -> set[str]:
+    """What tells a pair from others: two that share one of these are one pair."""
     identities = {pair.fingerprint()}
     if isinstance(pair, StereoPair):
         identities.add(file_digest(pair.left))

@@ -63,6 +63,14 @@ CREATE TABLE IF NOT EXISTS evaluations (
     attempts INTEGER NOT NULL DEFAULT 1
 )
 """
+_MARKS_SCHEMA = """
+CREATE TABLE IF NOT EXISTS marks (
+    key TEXT NOT NULL,
+    mark TEXT NOT NULL,
+    detail TEXT NOT NULL,
+    UNIQUE (key, mark)
+)
+"""
 
 
 @dataclass(frozen=True)
@@ -170,6 +178,16 @@ class EvaluationStore:
         row = self._rows("SELECT attempts FROM evaluations WHERE key = ?", (key,))
         return int(row[0][0]) if row else 0
 
+    def mark(self, key: str, mark: str, detail: str = "") -> None:
+        """Note something about an evaluation that is no part of its scores; a second time changes nothing."""
+        with self._lock, self._db:
+            self._db.execute("INSERT OR IGNORE INTO marks VALUES (?, ?, ?)", (key, mark, detail))
+
+    def marks(self, mark: str) -> tuple[tuple[str, str], ...]:
+        """(key, detail) of all evaluations with this mark, in the order they were marked."""
+        rows = self._rows("SELECT key, detail FROM marks WHERE mark = ? ORDER BY rowid", (mark,))
+        return tuple((str(key), str(detail)) for key, detail in rows)
+
     def _rows(self, query: str, values: Iterable[Any]) -> list[Any]:
         with self._lock, closing(self._db.execute(query, tuple(values))) as cursor:
             return cursor.fetchall()
@@ -194,6 +212,7 @@ def _open(path: Path) -> sqlite3.Connection:
             db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
             db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
             db.execute(_SCHEMA)
+            db.execute(_MARKS_SCHEMA)
     except sqlite3.DatabaseError as error:
         if db is not None:
             db.close()

@@ -1,0 +1,150 @@
+"""What an edited recipe does to one pair, again and again: a quick look first where the full one is slow."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.analysis.disparities import DEFAULT_THRESHOLD, Map, disparity_limits, error_map
+from sfkit.architectures import PreparedPair
+from sfkit.datasets.measure import Kind
+from sfkit.datasets.pairs import Sample
+from sfkit.errors import unknown_name
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.store import evaluation_key
+from sfkit.merging.live import LiveModel
+from sfkit.merging.recipe import Recipe
+
+QUICK_SECONDS = 0.06
+"""A look that takes longer is preceded by one at reduced size."""
+
+SMALLEST = 4
+"""Images are reduced by at most this factor."""
+
+
+@dataclass(frozen=True, eq=False)
+class PairLook:
+    """One recipe on one pair.
+
+    Attributes:
+        disparity: (H / reduction, W / reduction) float32 pixels of the full size; may hold values that are
+            not finite.
+        error: the same shape, |disparity - ground truth| in pixels: NaN where the protocol counts no pixel,
+            ``inf`` where the prediction is not finite.
+        score: the evaluator's metric on this pair; None at reduced size, where it would mean another thing.
+        reduction: 1 for the full size, else by how much height and width were divided.
+        seconds: what merging and the forward pass took.
+    """
+
+    disparity: Map
+    error: Map
+    score: float | None
+    reduction: int
+    seconds: float
+
+
+class PairPreview:
+    """A network of its own, re-merged in place, and the pair it is shown on; safe to use from any thread.
+
+    Args:
+        evaluator: gives pool, loaded benchmark, metric and device. Its own network is not touched, so that a
+            search may go on with it.
+        pair: an id of the benchmark; the first pair unless given.
+
+    Raises:
+        InputError: no such pair.
+    """
+
+    def __init__(self, evaluator: Evaluator, pair: str | None = None) -> None:
+        self.evaluator = evaluator
+        self._model = LiveModel(evaluator.pool, device=evaluator.device)
+        self._busy = threading.Lock()
+        self._reduced: dict[int, PreparedPair] = {}
+        self._full_seconds = 0.0
+        self.choose(pair or evaluator.benchmark.ids[0])
+
+    @property
+    def threshold(self) -> float:
+        """The error in pixels where an error map changes colour: that of bad-t, 3 for D1, else 1."""
+        metric = self.evaluator.metric
+        by_kind = {Kind.BAD: metric.threshold, Kind.D1: 3.0}
+        return by_kind.get(metric.kind, DEFAULT_THRESHOLD)
+
+    @property
+    def sample(self) -> Sample:
+        """The pair's images and ground truth."""
+        return self.evaluator.prepared.samples[self._number]
+
+    def choose(self, pair: str) -> None:
+        """Look at another pair.
+
+        Raises:
+            InputError: no such pair.
+        """
+        benchmark = self.evaluator.benchmark
+        if pair not in benchmark.ids:
+            raise unknown_name(f"pair of benchmark {benchmark.name!r}", pair, benchmark.ids)
+        with self._busy:
+            self.pair, self._number = pair, benchmark.ids.index(pair)
+            counted = self.evaluator.prepared.rule.valid_mask(self.sample, benchmark.family)
+            self.truth = np.where(counted, self.sample.disparity, np.float32(np.nan))
+            self.limits = disparity_limits(self.truth)
+            self._reduced.clear()
+
+    def look(self, recipe: Recipe) -> PairLook:
+        """The recipe at full size, with its score."""
+        with self._busy:
+            started = time.perf_counter()
+            prediction = self._predict(recipe, self.evaluator.prepared.pair(self._number))
+            seconds = self._full_seconds = time.perf_counter() - started
+            errors = self.evaluator.prepared.errors(self.sample, prediction)
+            score = errors.value(self.evaluator.metric)
+            return PairLook(prediction, error_map(prediction, self.truth), score, 1, seconds)
+
+    def quick_look(self, recipe: Recipe) -> PairLook:
+        """The recipe at a size that takes about ``QUICK_SECONDS``: the full one where that is quick."""
+        reduction = reduction_for(self._full_seconds)
+        if reduction == 1:
+            return self.look(recipe)
+        with self._busy:
+            started = time.perf_counter()
+            small = self._predict(recipe, self._reduced_pair(reduction)) * np.float32(reduction)
+            truth = self.truth[::reduction, ::reduction]
+            seconds = time.perf_counter() - started
+            return PairLook(small, error_map(small, truth), None, reduction, seconds)
+
+    def _predict(self, recipe: Recipe, pair: PreparedPair) -> Map:
+        self._model.apply(recipe)
+        disparity: Map = pair.window.crop(self._model.disparity(pair.left, pair.right)).numpy()
+        return disparity
+
+    def _reduced_pair(self, reduction: int) -> PreparedPair:
+        if reduction not in self._reduced:
+            left, right = (_shrunk(image, reduction) for image in (self.sample.left, self.sample.right))
+            self._reduced[reduction] = self.evaluator.prepared.inputs.prepare(left, right)
+        return self._reduced[reduction]
+
+
+def reduction_for(seconds: float) -> int:
+    """By how much to divide height and width of images that take ``seconds``: a power of 2, at most 4."""
+    reduction = 1
+    while seconds / reduction**2 > QUICK_SECONDS and reduction < SMALLEST:
+        reduction *= 2
+    return reduction
+
+
+def held_score(evaluator: Evaluator, recipe: Recipe) -> float | None:
+    """The benchmark score the evaluation store holds, ``inf`` where the recipe failed; None where unknown."""
+    held = evaluator.store.get(evaluation_key(evaluator.describe(recipe)))
+    return None if held is None else evaluator.outcome(held).score
+
+
+def _shrunk(image: NDArray[np.uint8], reduction: int) -> NDArray[np.uint8]:
+    """An image averaged down to (ceil(H / reduction), ceil(W / reduction)), as strides would leave it."""
+    height, width = (-(-side // reduction) for side in image.shape[:2])
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
