@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,10 @@ from sfkit.datasets.measure import Kind, Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.engines import Worker
 from sfkit.evaluation.metrics import thresholds_for
+from sfkit.evaluation.prediction import predict
 from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.live import LiveModel
+from sfkit.merging.network import LoadedNetwork
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -22,6 +26,9 @@ Map = NDArray[np.float32]
 
 DEFAULT_THRESHOLD = 1.0
 """Pixels; where an error map changes colour when the metric names no threshold (EPE)."""
+
+PAIRS_KEPT = 4
+"""Pairs whose maps a comparison keeps, so that going back to one costs nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +75,97 @@ class DisparityPanels:
     threshold: float
 
 
+Network = Recipe | LoadedNetwork
+"""What can be compared: a recipe of the pool, or a network of its own (:func:`sfkit.load_network`)."""
+
+
+class Comparison:
+    """Several networks on the pairs of one benchmark; each pair is loaded and run when it is asked for.
+
+    Args:
+        pool: the recipes' pool.
+        networks: panel name -> recipe of the pool, or loaded network; at least one.
+        benchmark: gives pairs, protocol and metric.
+        metrics: scores to show; the benchmark's own unless given.
+        device: where recipes run; a loaded network runs where it is.
+
+    Raises:
+        InputError: no network, a recipe that does not suit the pool, or an unknown metric.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        networks: Mapping[str, Network],
+        benchmark: Benchmark,
+        *,
+        metrics: Sequence[str] = (),
+        device: str = "cpu",
+    ) -> None:
+        if not networks:
+            raise InputError("recipes: found none, expected name -> recipe of at least one network to show")
+        for network in networks.values():
+            if isinstance(network, Recipe):
+                pool.canonical(network)
+        self.pool, self.networks, self.benchmark, self.device = pool, dict(networks), benchmark, device
+        self.metrics = tuple(Metric.parse(name) for name in (metrics or (benchmark.metric,)))
+        self._kept: dict[str, DisparityPanels] = {}
+
+    @property
+    def pairs(self) -> tuple[str, ...]:
+        """The ids of the benchmark's pairs."""
+        return self.benchmark.ids
+
+    def panels(self, pair: str | None = None) -> DisparityPanels:
+        """The maps of one pair, the first unless given; those of the last few pairs are kept.
+
+        Raises:
+            InputError: an unknown pair, or one that cannot be scored.
+        """
+        name = pair or self.pairs[0]
+        found = self._kept.pop(name, None) or self._run(name)
+        self._kept = {**dict(list(self._kept.items())[-(PAIRS_KEPT - 1) :]), name: found}
+        return found
+
+    @cached_property
+    def _model(self) -> LiveModel:
+        return self.pool.merge(self.pool.base_recipe(), device=self.device)
+
+    def _run(self, pair: str) -> DisparityPanels:
+        one = self.benchmark.select([pair])
+        inputs = self.pool.architecture.inputs(self.pool.options)
+        prepared = PreparedBenchmark(one, inputs, thresholds_for(*self.metrics))
+        sample = prepared.samples[0]
+        counted = prepared.rule.valid_mask(sample, one.family)
+        truth = np.where(counted, sample.disparity, np.float32(np.nan))
+        maps = []
+        for name, network in self.networks.items():
+            disparity = self._disparity(network, prepared)
+            record = prepared.errors(sample, disparity)
+            scores = {metric.name: record.value(metric) for metric in self.metrics}
+            maps.append(NetworkMaps(name, disparity, error_map(disparity, truth), scores))
+        return DisparityPanels(
+            benchmark=one.name,
+            protocol=one.protocol,
+            pair=sample.id,
+            left=sample.left,
+            truth=truth,
+            networks=tuple(maps),
+            limits=disparity_limits(truth),
+            threshold=_threshold(self.metrics),
+        )
+
+    def _disparity(self, network: Network, prepared: PreparedBenchmark) -> Map:
+        if isinstance(network, LoadedNetwork):
+            sample = prepared.samples[0]
+            return predict(network, sample.left, sample.right)
+        self._model.apply(network)
+        return Worker(self._model, prepared).predict(0)
+
+
 def disparity_panels(
     pool: Pool,
-    recipes: Mapping[str, Recipe],
+    recipes: Mapping[str, Network],
     benchmark: Benchmark,
     *,
     pair: str | None = None,
@@ -81,7 +176,7 @@ def disparity_panels(
 
     Args:
         pool: the recipes' pool.
-        recipes: panel name -> recipe, at least one.
+        recipes: panel name -> recipe or loaded network, at least one.
         benchmark: gives pair, protocol and metric.
         pair: an id; the first pair unless given.
         metrics: scores to show; the benchmark's own unless given.
@@ -90,27 +185,7 @@ def disparity_panels(
     Raises:
         InputError: no recipe, an unknown pair or metric, or a pair that cannot be scored.
     """
-    if not recipes:
-        raise InputError("recipes: found none, expected name -> recipe of at least one network to show")
-    one = benchmark.select([pair or benchmark.ids[0]])
-    shown = [Metric.parse(name) for name in (metrics or (benchmark.metric,))]
-    inputs = pool.architecture.inputs(pool.options)
-    prepared = PreparedBenchmark(one, inputs, thresholds_for(*shown))
-    worker = Worker(pool.merge(pool.base_recipe(), device=device), prepared)
-    sample = prepared.samples[0]
-    counted = prepared.rule.valid_mask(sample, one.family)
-    truth = np.where(counted, sample.disparity, np.float32(np.nan))
-    networks = tuple(_maps(worker, name, recipe, truth, shown) for name, recipe in recipes.items())
-    return DisparityPanels(
-        benchmark=one.name,
-        protocol=one.protocol,
-        pair=sample.id,
-        left=sample.left,
-        truth=truth,
-        networks=networks,
-        limits=disparity_limits(truth),
-        threshold=_threshold(shown),
-    )
+    return Comparison(pool, recipes, benchmark, metrics=metrics, device=device).panels(pair)
 
 
 def disparity_limits(truth: Map) -> tuple[float, float]:
@@ -133,14 +208,6 @@ def error_map(prediction: Map, truth: Map) -> Map:
     """|prediction - truth| (H, W) in pixels: NaN without ground truth, inf without a finite prediction."""
     finite = np.where(np.isfinite(prediction), prediction, np.float32(np.inf))
     return np.asarray(np.abs(finite - truth), dtype=np.float32)
-
-
-def _maps(worker: Worker, name: str, recipe: Recipe, truth: Map, metrics: Sequence[Metric]) -> NetworkMaps:
-    worker.model.apply(recipe)
-    prediction = worker.predict(0)
-    record = worker.benchmark.errors(worker.benchmark.samples[0], prediction)
-    scores = {metric.name: record.value(metric) for metric in metrics}
-    return NetworkMaps(name, prediction, error_map(prediction, truth), scores)
 
 
 def _threshold(metrics: Sequence[Metric]) -> float:

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 from tiny import write_pairs, write_pool
 
-from sfkit.analysis.disparities import disparity_limits, disparity_panels, error_map
+from sfkit.analysis.disparities import Comparison, disparity_limits, disparity_panels, error_map
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark, open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator
-from sfkit.merging import Pool, open_pool
+from sfkit.merging import Pool, Recipe, open_pool
+from sfkit.merging.network import load_network
+from sfkit.merging.saving import save_merged
 
 
 @pytest.fixture(scope="module")
@@ -77,3 +79,25 @@ def test_unknown_pairs_and_empty_recipes_are_refused(world: tuple[Pool, Benchmar
         disparity_panels(pool, {"base": pool.base_recipe()}, benchmark, pair="pair11")
     with pytest.raises(InputError, match="recipes: found none"):
         disparity_panels(pool, {}, benchmark)
+
+
+def test_a_comparison_runs_each_pair_once_and_takes_loaded_networks(
+    world: tuple[Pool, Benchmark], tmp_path: Path
+) -> None:
+    pool, benchmark = world
+    save_merged(pool, pool.uniform(), tmp_path / "uniform.safetensors")
+    networks = {"recipe": pool.uniform(), "file": load_network(tmp_path / "uniform.safetensors")}
+    comparison = Comparison(pool, networks, benchmark)
+    assert comparison.pairs == ("pair0", "pair1")
+    first = comparison.panels()
+    assert comparison.panels("pair1").pair == "pair1"
+    assert comparison.panels("pair0") is first
+    recipe, file = first.networks
+    np.testing.assert_array_equal(recipe.disparity, file.disparity)
+    assert recipe.scores == file.scores
+
+
+def test_a_recipe_of_another_pool_is_refused_before_anything_runs(world: tuple[Pool, Benchmark]) -> None:
+    pool, benchmark = world
+    with pytest.raises(InputError, match="'elsewhere'"):
+        Comparison(pool, {"odd": Recipe.equal(["elsewhere"], pool.blocks)}, benchmark)

@@ -1,0 +1,168 @@
+"""Where is one network better than another, and where is it far off? Maps and regions of one pair."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.analysis.disparities import Map
+from sfkit.errors import InputError
+
+Pixels = tuple[NDArray[np.intp], ...]  # rows and columns
+
+GAP = 4
+"""Bad pixels at most this many pixels apart belong to one region; sparse ground truth has such gaps."""
+
+LARGE_SHARE = 0.5
+"""A region wider or higher than this share of the image says nothing, and is split."""
+
+SMALLEST = 8
+"""Regions of fewer bad pixels are not listed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Advantage:
+    """One network against a reference on one pair.
+
+    Attributes:
+        difference: (H, W) float32 pixels, the network's error minus the reference's: negative where the
+            network is nearer to the ground truth. NaN where no pixel counts, 0 where neither prediction
+            is finite, infinite where one of them is not.
+        fixed: percent of the counted pixels that the reference has beyond the threshold and the network
+            does not.
+        broken: percent the other way round; bad-t of the network is that of the reference, less
+            ``fixed``, plus ``broken``.
+    """
+
+    difference: Map
+    fixed: float
+    broken: float
+
+
+@dataclass(frozen=True)
+class OutlierRegion:
+    """Pixels close to each other whose error is large.
+
+    Attributes:
+        x: left edge of their box in the image, in pixels.
+        y: its upper edge.
+        width: its width in pixels.
+        height: its height.
+        pixels: how many bad pixels are in the region.
+        above: the error in pixels that all of them exceed: the threshold, or 2, 4, ... times it where a
+            larger region was split.
+        mean: their mean error in pixels; infinite where a prediction is not finite.
+        worst: their largest error in pixels.
+        peak: column and row of the worst pixel.
+    """
+
+    x: int
+    y: int
+    width: int
+    height: int
+    pixels: int
+    above: float
+    mean: float
+    worst: float
+    peak: tuple[int, int]
+
+
+def advantage(reference: Map, network: Map, threshold: float) -> Advantage:
+    """Compare two error maps.
+
+    Args:
+        reference: (H, W) absolute errors in pixels, NaN where no pixel counts, ``inf`` where the
+            prediction is not finite (:func:`~sfkit.analysis.disparities.error_map`).
+        network: the same of the other network.
+        threshold: in pixels; an error is bad beyond it.
+
+    Raises:
+        InputError: maps of different shapes, or no pixel that counts in both.
+    """
+    if reference.shape != network.shape:
+        raise InputError(f"error maps: found shapes {reference.shape} and {network.shape}, expected one")
+    counted = ~(np.isnan(reference) | np.isnan(network))
+    total = np.count_nonzero(counted)
+    if total == 0:
+        raise InputError("error maps: found no pixel that counts in both, expected at least one")
+    both = np.isinf(reference) & np.isinf(network)
+    with np.errstate(invalid="ignore"):
+        difference = np.where(both, np.float32(0), network - reference)
+        before, after = counted & (reference > threshold), counted & (network > threshold)
+    fixed = 100.0 * np.count_nonzero(before & ~after) / total
+    broken = 100.0 * np.count_nonzero(after & ~before) / total
+    return Advantage(np.asarray(difference, dtype=np.float32), fixed, broken)
+
+
+def outlier_regions(error: Map, threshold: float, *, most: int = 12) -> tuple[OutlierRegion, ...]:
+    """Find where a network is wrong, the region with most bad pixels first.
+
+    Bad pixels up to :data:`GAP` apart form a region. One that spans more than :data:`LARGE_SHARE` of the
+    image's width or height is split into what exceeds twice the threshold, and again.
+
+    Args:
+        error: (H, W) absolute errors in pixels, NaN where no pixel counts.
+        threshold: in pixels; an error is bad beyond it.
+        most: how many regions at most; those of fewer than :data:`SMALLEST` pixels are never listed.
+
+    Raises:
+        InputError: a threshold that is not above 0.
+    """
+    if not 0 < threshold < math.inf:
+        raise InputError(f"threshold: found {threshold}, expected more than 0 pixels")
+    found: list[OutlierRegion] = []
+    with np.errstate(invalid="ignore"):
+        waiting = deque((part, threshold) for part in _groups(np.nonzero(error > threshold), error.shape))
+    while waiting:
+        part, level = waiting.popleft()
+        region = _region(error, part, level)
+        halves = _split(error, part, 2 * level) if _large(region, error.shape) else []
+        waiting.extend((half, 2 * level) for half in halves)
+        if not halves:
+            found.append(region)
+    return tuple(sorted(found, key=lambda region: (-region.pixels, region.y, region.x))[:most])
+
+
+def _split(error: Map, part: Pixels, level: float) -> list[Pixels]:
+    """The groups within ``part`` whose errors exceed ``level``; none where only infinite errors do."""
+    above = error[part] > level
+    if not np.isfinite(error[part][above]).any():
+        return []
+    return _groups((part[0][above], part[1][above]), error.shape)
+
+
+def _groups(bad: Pixels, shape: tuple[int, ...]) -> list[Pixels]:
+    """Pixels at most :data:`GAP` apart belong together; groups large enough to list."""
+    mask = np.zeros(shape, np.uint8)
+    mask[bad] = 1
+    joined = cv2.dilate(mask, np.ones((GAP, GAP), np.uint8))
+    labels = cv2.connectedComponents(joined, connectivity=8)[1][bad]
+    order = np.argsort(labels, kind="stable")
+    cuts = np.flatnonzero(np.diff(labels[order])) + 1
+    return [(bad[0][part], bad[1][part]) for part in np.split(order, cuts) if part.size >= SMALLEST]
+
+
+def _region(error: Map, part: Pixels, level: float) -> OutlierRegion:
+    rows, columns = part
+    values = error[part].astype(np.float64)
+    peak = int(values.argmax())
+    return OutlierRegion(
+        x=int(columns.min()),
+        y=int(rows.min()),
+        width=int(np.ptp(columns)) + 1,
+        height=int(np.ptp(rows)) + 1,
+        pixels=values.size,
+        above=level,
+        mean=float(values.mean()),
+        worst=float(values[peak]),
+        peak=(int(columns[peak]), int(rows[peak])),
+    )
+
+
+def _large(region: OutlierRegion, shape: tuple[int, ...]) -> bool:
+    return region.width > LARGE_SHARE * shape[1] or region.height > LARGE_SHARE * shape[0]
