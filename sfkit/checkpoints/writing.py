@@ -51,13 +51,32 @@ def write_checkpoint(
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
         named = layout.name(_separate(tensors))
-        _atomically(path, lambda target: save_file(named, target, metadata=header))
+        _atomically(path, lambda target: _save_safetensors(named, target, header))
     else:
         content = layout.wrap({key: _alone(tensor) for key, tensor in tensors.items()})
         if layout.container:  # a bare state dict holds tensors alone: strict loaders refuse a text entry
             content[OWN] = json.dumps(dict(metadata))
-        _atomically(path, lambda target: torch.save(content, target))
+        _atomically(path, lambda target: _save_torch(content, target))
     return path
+
+
+def _save_safetensors(tensors: dict[str, torch.Tensor], target: Path, header: dict[str, str]) -> None:
+    """One network is one file to the last byte: safetensors writes the text entries in random order."""
+    save_file(tensors, target, metadata=header)
+    with target.open("r+b") as file:
+        length = int.from_bytes(file.read(8), "little")
+        entries = json.loads(file.read(length))
+        entries["__metadata__"] = dict(sorted(entries["__metadata__"].items()))
+        text = json.dumps(entries, separators=(",", ":"), ensure_ascii=False).encode()
+        if len(text) <= length:  # the same entries in another order, so that only padding can follow
+            file.seek(8)
+            file.write(text.ljust(length))
+
+
+def _save_torch(content: Mapping[str, object], target: Path) -> None:
+    """Given a name, torch would write it, which is that of a temporary file, into the archive."""
+    with target.open("wb") as file:
+        torch.save(content, file)
 
 
 def _separate(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
@@ -96,11 +115,11 @@ def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
     return path
 
 
-def _atomically(path: Path, write: Callable[[str], None]) -> None:
+def _atomically(path: Path, write: Callable[[Path], None]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        write(str(temporary))
+        write(temporary)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
