@@ -2,31 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
 import torch
 from torch import nn
+from torch.overrides import TorchFunctionMode
 
 from sfkit.architectures import Architecture
 from sfkit.checkpoints.checks import Kind, TensorSpec
 
 STATISTICS = ("running_mean", "running_var")
+_DRAWING = ("normal_", "uniform_", "orthogonal_")  # how the functions end that fill a tensor at random
 
 
 def skeleton(architecture: Architecture, options: Mapping[str, Any]) -> tuple[TensorSpec, ...]:
     """The state dict a checkpoint of this architecture has, in the module's order.
 
-    The network is built on the meta device, which costs neither memory nor time; a network whose
-    constructor computes with values is built on the CPU.
+    The network is built without its initial values being drawn, which costs neither memory nor time;
+    one whose constructor needs them is built in full.
     """
     try:
-        with torch.device("meta"):
+        with _Undrawn():
             network = architecture.build(**options)
     except RuntimeError:
         network = architecture.build(**options)
     return tuple(_specs(network, architecture))
+
+
+class _Undrawn(TorchFunctionMode):
+    """Leaves initial values undrawn: memory that nobody has written to takes up no room.
+
+    The meta device would do as well, but the first arithmetic on it makes torch import its compiler, which
+    takes longer than opening a small pool.
+    """
+
+    def __torch_function__(
+        self,
+        func: Callable[..., Any],
+        types: Iterable[type],
+        args: tuple[Any, ...] = (),
+        kwargs: dict[str, Any] | None = None,
+    ) -> Any:
+        """Return the tensor as it is where ``func`` would fill it with random numbers."""
+        named = kwargs or {}
+        if getattr(func, "__name__", "").endswith(_DRAWING):
+            return args[0] if args else named["tensor"]
+        return func(*args, **named)
 
 
 def _specs(network: nn.Module, architecture: Architecture) -> Iterator[TensorSpec]:
