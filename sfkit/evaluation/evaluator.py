@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+import threading
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,12 +14,13 @@ from typing import Any
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation.engines import InlineEngine, Result
+from sfkit.evaluation.engines import Engine, Result, check_engine, make_engine
 from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, thresholds_for
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.evaluation.protocols import protocol
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
+from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -43,14 +45,21 @@ class Evaluator:
         store: where evaluations are kept; a store that keeps nothing without one.
         metric: ``"bad-1.0"``, ``"d1"``, ``"epe"``, ...; the benchmark's own by default.
         also: further metrics that will be asked of the same evaluations, for their thresholds.
-        device: ``"cpu"`` or ``"cuda:0"``; its type is part of the key, its number is not.
+        device: ``"cpu"`` or ``"cuda:0"``; its type is part of the key, its number is not. ``"cuda"`` is
+            every GPU to an engine with several workers.
         retry_failed: whether candidates recorded as failed are tried again.
+        engine: ``"inline"``, ``"processes"``, ``"ray"`` or ``"auto"``. Scores are the same to the last bit
+            while each worker has the same number of threads; on the CPU another number changes disparities
+            by some 1e-6 of their size.
+        workers: how many evaluate at a time; one a device unless given.
+        precision: ``"float32"``, or ``"bfloat16"`` for autocast; part of the key.
+        channels_last: whether images enter with their channels innermost; part of the key.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs look wrong, such as left and right exchanged.
 
     Raises:
         InputError: the benchmark cannot be evaluated as it is (missing files, no valid pixel, a mask the
-            protocol needs), before any network runs.
+            protocol needs), before any network runs; or an engine that cannot be had.
     """
 
     def __init__(
@@ -63,7 +72,15 @@ class Evaluator:
         also: Sequence[str] = (),
         device: str = "cpu",
         retry_failed: bool = False,
+        engine: str = "inline",
+        workers: int | None = None,
+        precision: str = "float32",
+        channels_last: bool = False,
     ) -> None:
+        self.mode = ForwardMode(precision, channels_last)
+        check_engine(engine, workers, pool)
+        self._engine_name, self._workers = engine, workers
+        self._busy = threading.Lock()
         self.pool = pool
         self.benchmark = benchmark
         self.metric = Metric.parse(metric or benchmark.metric)
@@ -83,30 +100,45 @@ class Evaluator:
             "protocol": benchmark.protocol,
             "family": benchmark.family,
             "resolution": benchmark.resolution,
-            "precision": "float32",
+            **self.mode.describe(),
             "device": device.partition(":")[0],
         }
         if self.thresholds != THRESHOLDS:
             self._frame["thresholds"] = list(self.thresholds)
 
     @cached_property
-    def engine(self) -> InlineEngine:
-        """Runs what the store does not have; made when first needed."""
-        return InlineEngine(self.pool, self.prepared, device=self.device)
+    def engine(self) -> Engine:
+        """Runs what the store does not have; its workers start with the first recipe."""
+        return make_engine(
+            self._engine_name,
+            self.pool,
+            self.prepared,
+            device=self.device,
+            workers=self._workers,
+            mode=self.mode,
+        )
 
     def with_store(self, store: EvaluationStore) -> Evaluator:
-        """The same evaluator on another store, its counts at 0; the loaded images are shared.
+        """The same evaluator on another store, its counts at 0, with an engine of its own; images are shared.
 
         A store's file comes into being when it is opened, so that a caller who wants none to be left by a
         refused benchmark makes the evaluator first and opens the store then.
         """
         other = copy.copy(self)
-        other.store, other.counts = store, Counts()
+        other.store, other.counts, other._busy = store, Counts(), threading.Lock()
+        other.__dict__.pop("engine", None)
         return other
 
     def release(self) -> None:
-        """Let go of the network; it is made again when the next recipe has to be computed."""
-        self.__dict__.pop("engine", None)
+        """Let go of networks and workers; they are made again when the next recipe has to be computed."""
+        if "engine" in self.__dict__:
+            self.engine.close()
+
+    def __enter__(self) -> Evaluator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
 
     def describe(self, recipe: Recipe) -> dict[str, Any]:
         """Everything that decides a recipe's scores, in content; its digest is the evaluation's key."""
@@ -143,11 +175,12 @@ class Evaluator:
         numbers, total = list(missing.values()), len(known) + len(missing)
         if progress is not None:
             progress(len(known), total)
-        for position, result in self.engine.run([recipes[n] for n in numbers]) if numbers else ():
-            key = keys[numbers[position]]
-            known[key] = self._record(key, descriptions[numbers[position]], result)
-            if progress is not None:
-                progress(len(known), total)
+        with self._busy:  # one call at a time: an engine's workers hold one recipe each
+            for position, result in self.engine.run([recipes[n] for n in numbers]) if numbers else ():
+                key = keys[numbers[position]]
+                known[key] = self._record(key, descriptions[numbers[position]], result)
+                if progress is not None:
+                    progress(len(known), total)
         return [known[key] for key in keys]
 
     def score(self, images: Sequence[ImageErrors], metric: str | Metric | None = None) -> float:

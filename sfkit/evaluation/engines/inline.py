@@ -4,27 +4,56 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import torch
+
 from sfkit.evaluation.engines.worker import Result, Worker
 from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.forward import ForwardMode
+from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
 
 class InlineEngine:
-    """One worker in this process.
+    """One worker in this process; its network is built with the first recipe.
 
     Args:
         pool: whose networks are merged.
         benchmark: prepared for the pool's architecture.
         device: ``"cpu"``, ``"cuda:0"``, ...
+        mode: how forward passes compute.
     """
 
     name = "inline"
 
-    def __init__(self, pool: Pool, benchmark: PreparedBenchmark, *, device: str = "cpu") -> None:
-        self.worker = Worker(pool.merge(pool.base_recipe(), device=device), benchmark)
+    def __init__(
+        self,
+        pool: Pool,
+        benchmark: PreparedBenchmark,
+        *,
+        device: str = "cpu",
+        mode: ForwardMode | None = None,
+    ) -> None:
+        self.pool, self.benchmark, self.device, self.mode = pool, benchmark, device, mode
+        self._worker: Worker | None = None
+
+    @property
+    def worker(self) -> Worker:
+        """The one worker."""
+        if self._worker is None:
+            self._worker = Worker(LiveModel(self.pool, device=self.device, mode=self.mode), self.benchmark)
+        return self._worker
 
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """Evaluate recipes; each result is handed over as soon as it is there, with its number."""
         for number, recipe in enumerate(recipes):
             yield number, self.worker.run(recipe)
+
+    def describe(self) -> str:
+        """What it runs on, for people."""
+        threads = torch.get_num_threads()
+        return f"inline: one evaluation at a time on {self.device}, {threads} thread{'s' * (threads > 1)}"
+
+    def close(self) -> None:
+        """Let go of the network; it is built again with the next recipe."""
+        self._worker = None

@@ -6,22 +6,28 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
+from sfkit.errors import SfkitError
 from sfkit.evaluation.metrics import ImageErrors
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
 from sfkit.merging.recipe import Recipe
 
 
+class DeviceLostError(SfkitError):
+    """A device answers no more: what this process computes on it from now on would say nothing."""
+
+
 @dataclass(frozen=True)
 class Result:
-    """What one recipe did on one benchmark.
+    """What one recipe did on one benchmark, or on some of its images.
 
     Attributes:
         images: per-image errors in the benchmark's order; empty where it failed.
         failure: the error's type and message, None where there was none.
-        seconds: wall time of merging and forward passes.
+        seconds: time of merging and forward passes; summed over workers that shared the images.
     """
 
     images: tuple[ImageErrors, ...]
@@ -35,20 +41,28 @@ class Worker:
     def __init__(self, model: LiveModel, benchmark: PreparedBenchmark) -> None:
         self.model = model
         self.benchmark = benchmark
+        self._held: Recipe | None = None  # what a merge completed, and is still in the model
 
     def run(self, recipe: Recipe) -> Result:
         """Evaluate one recipe; an error of the network is a result, not the end of the run."""
+        return self.part(recipe, 0, len(self.benchmark))
+
+    def part(self, recipe: Recipe, start: int, stop: int) -> Result:
+        """Evaluate one recipe on images ``start..stop``; parts of one recipe in a row merge it once.
+
+        Raises:
+            DeviceLostError: the device failed, rather than the network: another worker may do better.
+        """
         started = time.perf_counter()
         images: tuple[ImageErrors, ...] = ()
         failure = None
         try:
-            self.model.apply(recipe)
-            images = tuple(
-                self.benchmark.errors(sample, self.predict(number))
-                for number, sample in enumerate(self.benchmark.samples)
-            )
+            self._hold(recipe)
+            samples = self.benchmark.samples
+            images = tuple(self.benchmark.errors(samples[n], self.predict(n)) for n in range(start, stop))
         except Exception as error:  # whatever a network raises is recorded as this candidate's failure
             failure = f"{type(error).__name__}: {error}"
+            self._check_device(failure)
         return Result(images, failure, time.perf_counter() - started)
 
     def predict(self, number: int) -> NDArray[np.float32]:
@@ -56,3 +70,21 @@ class Worker:
         pair = self.benchmark.pair(number)
         map_: NDArray[np.float32] = pair.window.crop(self.model.disparity(pair.left, pair.right)).numpy()
         return map_
+
+    def _hold(self, recipe: Recipe) -> None:
+        if recipe == self._held and self.model.recipe is self._held:
+            return
+        self._held = None
+        self.model.apply(recipe)
+        self._held = recipe
+
+    def _check_device(self, failure: str) -> None:
+        """After some CUDA errors every later call fails too: then no candidate is to blame."""
+        if self.model.device.type != "cuda":
+            return
+        try:
+            torch.cuda.synchronize(self.model.device)
+        except RuntimeError as error:
+            raise DeviceLostError(
+                f"{self.model.device}: does not answer after an error ({failure}), start the process again"
+            ) from error

@@ -1,0 +1,92 @@
+"""The auto engine: picks between evaluating here and worker processes, and says what it picked and why.
+
+What it picks follows from the device and the work alone, never from the clock. On the CPU it changes no
+number of threads behind the caller's back, since the last bits of a convolution can hang on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import torch
+
+from sfkit.errors import InputError
+from sfkit.evaluation.engines.crew import ParallelEngine
+from sfkit.evaluation.engines.inline import InlineEngine
+from sfkit.evaluation.engines.plan import module_of
+from sfkit.evaluation.engines.processes import process_engine
+from sfkit.evaluation.engines.worker import Result
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.forward import ForwardMode
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+FEW = 2  # recipes a worker: with fewer in a first call, starting workers takes longer than they save
+
+
+class AutoEngine:
+    """Inline on the CPU, on one GPU and for few recipes; processes on several GPUs or for several workers.
+
+    Args:
+        pool: whose networks are merged.
+        benchmark: prepared for the pool's architecture.
+        device: ``"cuda"`` means all GPUs.
+        workers: how many, where the caller knows.
+        mode: how forward passes compute.
+
+    Attributes:
+        picked: the engine that runs now.
+        why: the last part of a sentence.
+    """
+
+    name = "auto"
+
+    def __init__(
+        self,
+        pool: Pool,
+        benchmark: PreparedBenchmark,
+        *,
+        device: str = "cpu",
+        workers: int | None = None,
+        mode: ForwardMode | None = None,
+    ) -> None:
+        self._inline = InlineEngine(pool, benchmark, device=device, mode=mode)
+        self._pool, self._benchmark = pool, benchmark
+        self._device, self._workers, self._mode = device, workers, mode
+        self.picked: InlineEngine | ParallelEngine = self._inline
+        self._least, self.why = self._rule()
+
+    def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
+        """As the engine that it picks for them; once workers have started they stay."""
+        if self.picked is self._inline and self._least is not None and len(recipes) >= self._least:
+            self._inline.close()
+            self.picked = self._parallel()
+        yield from self.picked.run(recipes)
+
+    def describe(self) -> str:
+        """What runs now, and why."""
+        return f"{self.name} picked {self.picked.describe()} ({self.why})"
+
+    def close(self) -> None:
+        """End what runs; what is picked stays picked."""
+        self.picked.close()
+
+    def _rule(self) -> tuple[int | None, str]:
+        """From how many recipes in a call workers are started (None for never), and why."""
+        gpus = torch.cuda.device_count() if self._device == "cuda" else 1
+        workers = self._workers or (gpus if self._device == "cuda" else 1)
+        if workers == 1:
+            one = f"one {'CPU' if self._device == 'cpu' else 'GPU'}"
+            return None, f"{one}: name workers to evaluate several recipes at a time"
+        try:
+            module_of(self._pool)
+        except InputError as error:
+            return None, str(error)
+        if self._workers:
+            return 1, f"{workers} workers were asked for: they start with the first recipe"
+        return FEW * workers, f"{workers} GPUs: their workers start with the first {FEW * workers} recipes"
+
+    def _parallel(self) -> ParallelEngine:
+        return process_engine(
+            self._pool, self._benchmark, device=self._device, workers=self._workers, mode=self._mode
+        )

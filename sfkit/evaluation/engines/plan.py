@@ -1,0 +1,179 @@
+"""What a worker elsewhere needs to become one: where pool and benchmark come from, and how to compute."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass
+from importlib.metadata import version
+from typing import Any
+
+import torch
+
+from sfkit.checkpoints.spec import PoolSpec
+from sfkit.datasets.benchmark_record import Benchmark
+from sfkit.errors import InputError, SfkitWarning
+from sfkit.evaluation.engines.worker import Worker
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.forward import ForwardMode
+from sfkit.merging.live import LiveModel
+from sfkit.merging.pool import Pool, open_pool
+
+_NOT_IMPORTABLE = (None, "__main__", "__mp_main__")
+
+
+@dataclass(frozen=True)
+class Numerics:
+    """The process-wide settings of torch that change what it computes."""
+
+    matmul: str
+    deterministic: bool
+    cudnn_tf32: bool
+    cudnn_benchmark: bool
+    cudnn_deterministic: bool
+
+    @classmethod
+    def here(cls) -> Numerics:
+        """The settings of this process."""
+        cudnn = torch.backends.cudnn
+        return cls(
+            torch.get_float32_matmul_precision(),
+            torch.are_deterministic_algorithms_enabled(),
+            cudnn.allow_tf32,
+            cudnn.benchmark,
+            cudnn.deterministic,
+        )
+
+    def apply(self) -> None:
+        """Make them this process's settings."""
+        torch.set_float32_matmul_precision(self.matmul)
+        torch.use_deterministic_algorithms(self.deterministic)
+        torch.backends.cudnn.allow_tf32 = self.cudnn_tf32
+        torch.backends.cudnn.benchmark = self.cudnn_benchmark
+        torch.backends.cudnn.deterministic = self.cudnn_deterministic
+
+
+@dataclass(frozen=True)
+class WorkerPlan:
+    """Everything a worker is made from, but for the device it runs on; plain values that travel.
+
+    Attributes:
+        spec: the pool's files; a worker opens them, which cached task vectors make cheap.
+        module: the module whose import registers the architecture.
+        benchmark: its record; pairs in memory travel with it.
+        thresholds: in pixels, that per-image errors are counted at.
+        mode: how forward passes compute.
+        numerics: torch's settings in the process that made the plan.
+        threads: of torch in the worker.
+        identity: what the worker must find, see :func:`identity`.
+    """
+
+    spec: PoolSpec
+    module: str
+    benchmark: Benchmark
+    thresholds: tuple[float, ...]
+    mode: ForwardMode
+    numerics: Numerics
+    threads: int
+    identity: dict[str, Any]
+
+    @classmethod
+    def of(cls, pool: Pool, prepared: PreparedBenchmark, *, mode: ForwardMode, threads: int) -> WorkerPlan:
+        """The plan for workers that do what a worker of this process would do.
+
+        Raises:
+            InputError: a worker could not import the architecture, or a class of the benchmark's pairs.
+        """
+        module = module_of(pool)
+        ensure_importable({type(pair).__module__ for pair in prepared.benchmark.pairs}, "a pair's class")
+        found = identity(pool, prepared.benchmark)
+        benchmark, thresholds = prepared.benchmark, prepared.thresholds
+        return cls(pool.spec, module, benchmark, thresholds, mode, Numerics.here(), threads, found)
+
+    def open(self, device: str, pool: Pool | None = None) -> Worker:
+        """Become a worker in this process: open pool and benchmark, check them, build the network.
+
+        Args:
+            device: where the network runs.
+            pool: the pool, where it is here already.
+
+        Raises:
+            InputError: the architecture is not registered by its module, files cannot be read, or what
+                was found is not what the plan was made from.
+        """
+        torch.set_num_threads(self.threads)
+        self.numerics.apply()
+        self.register()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SfkitWarning)  # the process that made the plan has warned
+            opened = pool or open_pool(self.spec)
+        self._check(identity(opened, self.benchmark))
+        inputs = opened.architecture.inputs(opened.options)
+        prepared = PreparedBenchmark(self.benchmark, inputs, self.thresholds)
+        return Worker(LiveModel(opened, device=device, mode=self.mode), prepared)
+
+    def register(self) -> None:
+        """Import what registers the architecture.
+
+        Raises:
+            InputError: it cannot be imported.
+        """
+        try:
+            importlib.import_module(self.module)
+        except ImportError as error:
+            raise InputError(
+                f"architecture {self.spec.architecture!r}: a worker cannot import {self.module}, which "
+                f"registers it ({error}), put that module where Python finds it or use engine='inline'"
+            ) from error
+
+    def _check(self, found: dict[str, Any]) -> None:
+        for what, expected in self.identity.items():
+            if found[what] != expected:
+                raise InputError(
+                    f"{what}: a worker found {found[what]}, expected {expected} as here: open pool and "
+                    "benchmark again (files have changed, or another sfkit is installed where it runs)"
+                )
+
+
+def identity(pool: Pool, benchmark: Benchmark) -> dict[str, Any]:
+    """What decides scores, in content: equal in two processes that may work for each other."""
+    return {
+        "sfkit": version("sfkit"),
+        "architecture": pool.describe(),
+        "partition": pool.partition.fingerprint(),
+        "base": pool.base.fingerprint,
+        "sources": pool.identity,
+        "benchmark": benchmark.fingerprint(),
+    }
+
+
+def module_of(pool: Pool) -> str:
+    """The module whose import registers a pool's architecture.
+
+    Raises:
+        InputError: it was registered where no other process can import it from.
+    """
+    module = getattr(pool.architecture.build, "__module__", None)
+    ensure_importable([module], f"architecture {pool.architecture.name!r}")
+    return str(module)
+
+
+def ensure_importable(modules: Iterable[str | None], what: str) -> None:
+    """Refuse what is defined in a notebook cell or in the script that runs.
+
+    Raises:
+        InputError: a module is one that other processes cannot import.
+    """
+    for module in modules:
+        if module in _NOT_IMPORTABLE or importlib.util.find_spec(str(module)) is None:
+            raise InputError(
+                f"{what}: found it defined in a notebook cell or the running script, expected a module that "
+                "workers can import; move it to a .py file and import that, or use engine='inline'"
+            )
+
+
+def fair_threads(workers: int) -> int:
+    """Threads for each of ``workers`` on the CPU: this process's threads, shared out, at least one."""
+    return max(1, torch.get_num_threads() // workers)

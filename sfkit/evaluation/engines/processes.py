@@ -1,0 +1,214 @@
+"""The processes engine: persistent worker processes, one a device, or several sharing the CPU."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+import warnings
+import weakref
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from multiprocessing import connection
+from pathlib import Path
+
+import torch
+
+from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.evaluation.engines.child import Here, Ready, Refused
+from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
+from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
+from sfkit.evaluation.engines.schedule import TRIES
+from sfkit.evaluation.engines.spawned import Spawned, stop
+from sfkit.evaluation.engines.worker import Result
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.forward import ForwardMode
+from sfkit.merging.pool import Pool
+
+LOOK_SECONDS = 5.0  # a channel shows a worker's end, unless a process forked off this one holds it too
+
+
+@dataclass(eq=False)
+class Seat:
+    """A place for one worker after the other on one device.
+
+    Attributes:
+        device: of its workers.
+        process: the worker now.
+        deadline: when it must be ready, on the monotonic clock.
+        ready: whether it takes tasks.
+        task: what it does now.
+        failures: workers in a row that never got ready.
+    """
+
+    device: str
+    process: Spawned
+    deadline: float
+    ready: bool = False
+    task: Task | None = None
+    failures: int = 0
+
+
+@dataclass(eq=False)
+class ProcessCrew:
+    """Spawned processes on this machine.
+
+    Args:
+        plan: what every worker becomes.
+        devices: one entry a worker.
+        start_seconds: how long a worker may take to get ready.
+
+    Raises:
+        InputError: the plan cannot be sent to another process.
+    """
+
+    plan: WorkerPlan
+    devices: tuple[str, ...]
+    start_seconds: float = START_SECONDS
+    _seats: list[Seat] = field(init=False)
+    _running: list[Spawned] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._folder = Path.cwd()
+        self._orders = {device: self._pickled(device) for device in self.devices}
+        self._end = weakref.finalize(self, stop, self._running)
+        self._seats = [Seat(device, *self._start()) for device in self.devices]
+
+    @property
+    def size(self) -> int:
+        """How many workers take part."""
+        return len(self._seats)
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """The process numbers of the workers."""
+        return tuple(process.pid for process in self._running)
+
+    def free(self) -> list[int]:
+        """The seats whose workers wait for a task."""
+        return [n for n, seat in enumerate(self._seats) if seat.ready and seat.task is None]
+
+    def give(self, seat: int, task: Task) -> None:
+        """Give a free seat a task."""
+        self._seats[seat].task = task
+        self._seats[seat].process.send((task.recipe, task.part.start, task.part.stop))
+
+    def events(self) -> Iterator[Answer | Death]:
+        """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
+        ready = connection.wait([seat.process.channel for seat in self._seats], self._patience())
+        for seat in tuple(self._seats):
+            if seat.process.channel in ready:
+                yield from self._listen(seat)
+            elif not seat.process.running and not seat.process.channel.poll():
+                yield from self._bury(seat, seat.process.ended())
+            elif not seat.ready and time.monotonic() > seat.deadline:
+                seat.process.kill()
+                yield from self._bury(seat, f"was not ready after {self.start_seconds:g} s")
+
+    def close(self) -> None:
+        """End all workers."""
+        self._end()
+
+    def _listen(self, seat: Seat) -> Iterator[Answer | Death]:
+        try:
+            message = seat.process.channel.recv()
+        except (EOFError, OSError):
+            yield from self._bury(seat, seat.process.ended())
+            return
+        if isinstance(message, Here):
+            seat.process.send_pickled(self._orders[seat.device])
+        elif isinstance(message, Ready):
+            seat.ready, seat.failures = True, 0
+        elif isinstance(message, Refused):
+            raise InputError(message.why)
+        elif isinstance(message, Result) and seat.task is not None:
+            task, seat.task = seat.task, None
+            yield Answer(task, message)
+
+    def _bury(self, seat: Seat, how: str) -> Iterator[Death]:
+        """Replace a dead worker; a seat on which none gets ready is given up."""
+        seat.process.release()
+        self._running.remove(seat.process)
+        task, seat.task = seat.task, None
+        seat.failures = 0 if seat.ready else seat.failures + 1
+        if seat.failures < TRIES:
+            seat.process, seat.deadline = self._start()
+            seat.ready = False
+        else:
+            self._give_up(seat, how)
+        if task is not None:
+            yield Death(task, how)
+
+    def _give_up(self, seat: Seat, how: str) -> None:
+        self._seats.remove(seat)
+        said = f"{TRIES} workers in a row on {seat.device} did not get ready, the last {how}"
+        if not self._seats:
+            raise SfkitError(f"engine 'processes': {said}; what they wrote on standard error says more")
+        warnings.warn(f"{said}: going on with {self.size} of them", SfkitWarning, stacklevel=2)
+
+    def _start(self) -> tuple[Spawned, float]:
+        process = Spawned(self.plan.threads, self._folder)
+        self._running.append(process)
+        return process, time.monotonic() + self.start_seconds
+
+    def _patience(self) -> float:
+        due = [seat.deadline - time.monotonic() for seat in self._seats if not seat.ready]
+        return max(0.0, min([LOOK_SECONDS, *due]))
+
+    def _pickled(self, device: str) -> bytes:
+        try:
+            return pickle.dumps((self.plan, device))
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise InputError(
+                f"benchmark {self.plan.benchmark.name!r}: cannot be sent to workers ({error}), expected "
+                "pairs of a class that is defined in a module; or use engine='inline'"
+            ) from error
+
+
+def process_engine(
+    pool: Pool,
+    benchmark: PreparedBenchmark,
+    *,
+    device: str = "cpu",
+    workers: int | None = None,
+    mode: ForwardMode | None = None,
+    threads: int | None = None,
+    start_seconds: float = START_SECONDS,
+) -> ParallelEngine:
+    """Worker processes on this machine.
+
+    Args:
+        pool: whose networks are merged; each worker opens its files again.
+        benchmark: prepared for the pool's architecture; each worker reads its files again.
+        device: ``"cpu"``; ``"cuda"`` for all GPUs in turn; ``"cuda:0"`` for one.
+        workers: how many; one a GPU, or one a CPU core, unless given.
+        mode: how forward passes compute.
+        threads: of torch in each worker; this process's threads are shared out unless given.
+        start_seconds: how long a worker may take to get ready.
+
+    Raises:
+        InputError: a worker could not import the architecture or the benchmark's pairs.
+    """
+    devices = seats_on(device, workers)
+    share = threads or fair_threads(len(devices))
+    plan = WorkerPlan.of(pool, benchmark, mode=mode or ForwardMode(), threads=share)
+    about = f"{len(devices)} worker{'s' * (len(devices) > 1)} on {', '.join(dict.fromkeys(devices))}"
+    threaded = f"{about}, {share} thread{'s' * (share > 1)} each"
+
+    def hire() -> ProcessCrew:
+        return ProcessCrew(plan, devices, start_seconds)
+
+    return ParallelEngine("processes", len(benchmark), hire, threaded)
+
+
+def seats_on(device: str, workers: int | None) -> tuple[str, ...]:
+    """The device of each worker: GPUs in turn for ``"cuda"``, else the one that is named."""
+    if device == "cuda":
+        gpus = [f"cuda:{n}" for n in range(torch.cuda.device_count())] or ["cuda:0"]
+        return tuple(gpus[n % len(gpus)] for n in range(workers or len(gpus)))
+    return (device,) * (workers or (cores() if device == "cpu" else 1))
+
+
+def cores() -> int:
+    """CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

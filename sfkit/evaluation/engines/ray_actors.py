@@ -1,0 +1,237 @@
+"""The ray engine: the same worker as a Ray actor, on as many machines as the cluster has.
+
+Pool and images go into Ray's object store once. Workers of one machine share that memory, and need no
+files: only sfkit, and the module of an architecture that is not sfkit's own.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
+from sfkit.evaluation.engines.parcel import PoolParcel, in_memory
+from sfkit.evaluation.engines.plan import WorkerPlan, identity
+from sfkit.evaluation.engines.schedule import TRIES
+from sfkit.evaluation.engines.worker import Result, Worker
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.forward import ForwardMode
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+LOOK_SECONDS = 5.0
+
+
+@dataclass(frozen=True)
+class Order:
+    """What lies in the object store: the plan, the pool it needs, and where modules may be found."""
+
+    plan: WorkerPlan
+    parcel: PoolParcel
+    path: tuple[str, ...]
+    device: str
+
+
+class RayWorker:
+    """The actor: one worker, opened from an order."""
+
+    def open(self, order: Order) -> None:
+        """Become a worker; see :meth:`~sfkit.evaluation.engines.plan.WorkerPlan.open`."""
+        warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
+        sys.path.extend(entry for entry in order.path if entry not in sys.path)
+        order.plan.register()
+        self._worker: Worker = order.plan.open(order.device, order.parcel.open())
+
+    def part(self, recipe: Recipe, start: int, stop: int) -> Result:
+        """Evaluate one recipe on images ``start..stop``."""
+        return self._worker.part(recipe, start, stop)
+
+
+@dataclass(eq=False)
+class Seat:
+    """A place for one actor after the other.
+
+    Attributes:
+        actor: the handle now.
+        pending: what it was last asked for; None while it waits for a task.
+        deadline: when it must be ready, on the monotonic clock.
+        ready: whether it takes tasks.
+        task: what it does now.
+        failures: actors in a row that never got ready.
+    """
+
+    actor: Any
+    pending: Any
+    deadline: float
+    ready: bool = False
+    task: Task | None = None
+    failures: int = 0
+
+
+class RayCrew:
+    """Actors on a Ray cluster; connects to the one there is, or starts one on this machine.
+
+    Args:
+        order: what every worker becomes.
+        workers: how many; one a GPU or a CPU of the cluster where None.
+        start_seconds: how long a worker may take to get ready.
+    """
+
+    def __init__(self, order: Order, workers: int | None, start_seconds: float) -> None:
+        import ray
+
+        self._ray: Any = ray
+        self._start_seconds = start_seconds
+        self._owns_ray = not ray.is_initialized()
+        if self._owns_ray:
+            ray.init()
+        self._gpus = 1 if order.device == "cuda" else 0
+        self._order = ray.put(order)
+        self._seats = [Seat(*self._start()) for _ in range(workers or self._places())]
+
+    @property
+    def size(self) -> int:
+        """How many workers take part."""
+        return len(self._seats)
+
+    def free(self) -> list[int]:
+        """The seats whose workers wait for a task."""
+        return [n for n, seat in enumerate(self._seats) if seat.ready and seat.task is None]
+
+    def give(self, seat: int, task: Task) -> None:
+        """Give a free seat a task."""
+        place = self._seats[seat]
+        place.task = task
+        place.pending = place.actor.part.remote(task.recipe, task.part.start, task.part.stop)
+
+    def events(self) -> Iterator[Answer | Death]:
+        """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
+        pending = {seat.pending: seat for seat in self._seats if seat.pending is not None}
+        done, _ = self._ray.wait(list(pending), num_returns=1, timeout=self._patience())
+        for reference in done:
+            yield from self._listen(pending[reference])
+        for seat in tuple(self._seats):
+            if not seat.ready and time.monotonic() > seat.deadline:
+                need = "GPU" if self._gpus else "CPU"
+                how = f"was not ready after {self._start_seconds:g} s, is a {need} free for it?"
+                yield from self._bury(seat, how)
+
+    def close(self) -> None:
+        """End all workers, and Ray where this crew started it."""
+        for seat in self._seats:
+            self._ray.kill(seat.actor)
+        self._seats = []
+        if self._owns_ray:
+            self._ray.shutdown()
+
+    def _listen(self, seat: Seat) -> Iterator[Answer | Death]:
+        try:
+            message = self._ray.get(seat.pending)
+        except self._ray.exceptions.RayTaskError as error:
+            if not seat.ready and isinstance(error.cause, SfkitError):
+                raise InputError(str(error.cause)) from error
+            yield from self._bury(seat, f"raised {type(error.cause).__name__}: {error.cause}")
+        except self._ray.exceptions.RayError as error:
+            yield from self._bury(seat, _ended(error))
+        else:
+            seat.pending, task, seat.task = None, seat.task, None
+            seat.ready, seat.failures = True, 0
+            if task is not None:
+                yield Answer(task, message)
+
+    def _bury(self, seat: Seat, how: str) -> Iterator[Death]:
+        """Replace a dead worker; a seat on which none gets ready is given up."""
+        self._ray.kill(seat.actor)
+        task, seat.task = seat.task, None
+        seat.failures = 0 if seat.ready else seat.failures + 1
+        if seat.failures < TRIES:
+            seat.actor, seat.pending, seat.deadline = self._start()
+            seat.ready = False
+        else:
+            self._give_up(seat, how)
+        if task is not None:
+            yield Death(task, how)
+
+    def _give_up(self, seat: Seat, how: str) -> None:
+        self._seats.remove(seat)
+        said = f"{TRIES} Ray workers in a row did not get ready, the last {how}"
+        if not self._seats:
+            raise SfkitError(f"engine 'ray': {said}")
+        warnings.warn(f"{said}: going on with {self.size} of them", SfkitWarning, stacklevel=2)
+
+    def _start(self) -> tuple[Any, Any, float]:
+        remote = self._ray.remote(RayWorker)
+        options = {"num_cpus": 1, "num_gpus": self._gpus, "max_restarts": 0, "scheduling_strategy": "SPREAD"}
+        actor = remote.options(**options).remote()
+        return actor, actor.open.remote(self._order), time.monotonic() + self._start_seconds
+
+    def _places(self) -> int:
+        resources = self._ray.cluster_resources()
+        return max(1, int(resources.get("GPU" if self._gpus else "CPU", 0)))
+
+    def _patience(self) -> float:
+        due = [seat.deadline - time.monotonic() for seat in self._seats if not seat.ready]
+        return max(0.0, min([LOOK_SECONDS, *due]))
+
+
+def ray_engine(
+    pool: Pool,
+    benchmark: PreparedBenchmark,
+    *,
+    device: str = "cpu",
+    workers: int | None = None,
+    mode: ForwardMode | None = None,
+    threads: int = 1,
+    start_seconds: float = START_SECONDS,
+) -> ParallelEngine:
+    """Ray actors, each on one GPU or one CPU.
+
+    Args:
+        pool: whose networks are merged.
+        benchmark: prepared for the pool's architecture.
+        device: ``"cpu"`` or ``"cuda"``; Ray says which GPU.
+        workers: how many; one a GPU, or one a CPU, of the whole cluster unless given.
+        mode: how forward passes compute.
+        threads: of torch in each worker.
+        start_seconds: how long a worker may take to get ready, waiting for its GPU or CPU included.
+
+    Raises:
+        InputError: Ray is not installed, or a worker could not import the architecture.
+    """
+    ensure_ray()
+    held = in_memory(benchmark)
+    plan = WorkerPlan.of(pool, benchmark, mode=mode or ForwardMode(), threads=threads)
+    kind = device.partition(":")[0]
+
+    def hire() -> RayCrew:
+        shipped = replace(plan, benchmark=held, identity=identity(pool, held))
+        order = Order(shipped, PoolParcel.of(pool), tuple(filter(None, sys.path)), kind)
+        return RayCrew(order, workers, start_seconds)
+
+    about = f"{workers or 'as many'} workers on {kind}" + ("" if workers else " as the cluster has room for")
+    return ParallelEngine("ray", len(benchmark), hire, about)
+
+
+def ensure_ray() -> None:
+    """Refuse where Ray is missing.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    if importlib.util.find_spec("ray") is None:
+        raise InputError(
+            "engine 'ray': Ray is not installed, install it with pip install 'sfkit[ray]', or choose "
+            "'processes'"
+        )
+
+
+def _ended(error: Exception) -> str:
+    """Ray's account of an actor's end, without its list of usual causes."""
+    account = " ".join(str(error).split()).partition(" Some common causes")[0]
+    return f"ended: {account.rpartition('Worker exit detail: ')[2]}"
