@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -65,29 +65,50 @@ class SfkitWidget(anywidget.AnyWidget):
             traitlets.TraitError: a value of the wrong kind.
         """
         settings = settings or {}
-        allowed = [*self.trait_names(setting=True), "layout"]
-        for name in settings:
-            if name not in allowed:
-                raise unknown_name(f"argument of {type(self).__name__}", name, allowed)
+        self.refuse_unknown(settings)
         self._commanding = threading.RLock()
         super().__init__(**state, **settings)
         self.on_msg(self._receive)
 
+    @classmethod
+    def refuse_unknown(cls, settings: Iterable[str], also: Iterable[str] = ()) -> None:
+        """Refuse settings of other names than the class has, for one that must not begin with a wrong one.
+
+        Args:
+            settings: names a caller gave.
+            also: names that are allowed beside the traits marked ``setting``, and ``layout``.
+
+        Raises:
+            InputError: the first unknown name; the nearest is suggested.
+        """
+        allowed = [*cls.class_trait_names(setting=True), "layout", *also]
+        for name in settings:
+            if name not in allowed:
+                raise unknown_name(f"argument of {cls.__name__}", name, allowed)
+
+    @contextmanager
+    def changing(self) -> Iterator[None]:
+        """Alone with the widget: changes reach the browser in one message when the block ends."""
+        with self._commanding, self.hold_sync():
+            yield
+
     @contextmanager
     def reporting(self) -> Iterator[None]:
-        """Alone with the widget; an exception goes no further and appears in it.
-
-        Changes reach the browser in one message when the block ends.
-        """
-        with self._commanding, self.hold_sync():
+        """As :meth:`changing`, but an exception goes no further and appears in the widget."""
+        with self.changing():
             try:
                 yield
             except Exception as error:  # whatever it is, the person in front of the widget must see it
                 self.error = sentence(error)
 
+    def report(self, error: BaseException) -> None:
+        """Show an exception that was caught elsewhere, such as after long work outside of the lock."""
+        with self.changing():
+            self.error = sentence(error)
+
     def _receive(self, _widget: object, content: Any, _buffers: object) -> None:
         """Carry out one message of the front end: command, arguments, view and sequence number."""
-        with self._commanding, self.hold_sync():
+        with self.changing():
             with self.reporting():
                 self.error = ""
                 call(self, content)
