@@ -14,6 +14,7 @@ from sfkit.cli.options import (
     BenchmarkOption,
     CodingOption,
     DeviceOption,
+    EngineOption,
     ForceOption,
     JsonOption,
     MetricOption,
@@ -26,6 +27,7 @@ from sfkit.cli.options import (
     StoreOption,
     SubsetFromOption,
     SubsetOption,
+    WorkersOption,
     benchmark_of,
     choosers,
     device_of,
@@ -37,6 +39,7 @@ from sfkit.cli.options import (
 from sfkit.cli.outputs import check_file, check_store
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator
+from sfkit.evaluation.engines import check_engine
 from sfkit.evaluation.table import score_table, write_table
 from sfkit.merging import Pool, Recipe
 
@@ -62,6 +65,8 @@ def evaluate(
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the scores as CSV.")] = None,
     force: ForceOption = False,
     device: DeviceOption = "cpu",
+    engine: EngineOption = "auto",
+    workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
     """Score networks merged from a pool; lower is better.
@@ -75,6 +80,7 @@ def evaluate(
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
     place = device_of(device)
+    check_engine(engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
     if out is not None:
         check_file("--out", out, ".csv", force=force)
@@ -90,9 +96,10 @@ def evaluate(
     recipes = _members(opened) if members else {}
     recipes |= _all_subsets(opened) if all_subsets else {}
     recipes |= {name: choose(opened) for name, choose in asked.items()}
-    evaluator = Evaluator(opened, chosen, device=place)
-    with store_of(store) as kept:
-        scores = score_table([evaluator.with_store(kept)], recipes, progress=_progress)
+    evaluator = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
+    with store_of(store) as kept, evaluator.with_store(kept) as scorer:
+        say(f"engine: {scorer.engine.describe()}")
+        scores = score_table([scorer], recipes, progress=_progress)
     if out is not None:
         write_table(scores, out)
     emit(_document(opened, evaluator, scores), _text(evaluator, scores), as_json=json)

@@ -50,6 +50,12 @@ StoreOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 DeviceOption = Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:N.")]
+EngineOption = Annotated[
+    str, typer.Option("--engine", help="Where networks run: auto, inline, processes or ray.")
+]
+WorkersOption = Annotated[
+    int | None, typer.Option("--workers", help="How many run at a time; one a device unless given.")
+]
 SubsetOption = Annotated[
     str | None, typer.Option("--subset", "-s", help="Sources to merge with equal weights: a,b,c.")
 ]

@@ -12,6 +12,7 @@ from sfkit.cli.options import (
     BenchmarkOption,
     CodingOption,
     DeviceOption,
+    EngineOption,
     JsonOption,
     MetricOption,
     PairsOption,
@@ -22,6 +23,7 @@ from sfkit.cli.options import (
     StoreOption,
     SubsetFromOption,
     SubsetOption,
+    WorkersOption,
     benchmark_of,
     device_of,
     emit,
@@ -33,6 +35,7 @@ from sfkit.cli.options import (
 from sfkit.cli.outputs import check_folder, check_store
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, Evaluator
+from sfkit.evaluation.engines import check_engine
 from sfkit.inspection import recipe_lines
 from sfkit.merging.saving import read_recipe
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings, subset_of
@@ -69,6 +72,8 @@ def search(
     ] = None,
     store: StoreOption = None,
     device: DeviceOption = "cpu",
+    engine: EngineOption = "auto",
+    workers: WorkersOption = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
     json: JsonOption = False,
 ) -> None:
@@ -91,16 +96,17 @@ def search(
         start=read_recipe(start) if start is not None else None,
     )
     place = device_of(device)
+    check_engine(engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)
     opened = pool_of(pool)
     plan.check(opened)
-    prepared = Evaluator(opened, chosen, device=place)
-    with EvaluationStore(kept_in) as kept:
-        evaluator = prepared.with_store(kept)
+    prepared = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
+    with EvaluationStore(kept_in) as kept, prepared.with_store(kept) as evaluator:
         say(f"{opened!r}")
         say(f"validation: {chosen.name} ({chosen.coverage}), {evaluator.metric}, protocol {chosen.protocol}")
+        say(f"engine: {evaluator.engine.describe()}")
         say(f"cost: {cost(opened, [evaluator], plan)}")
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort

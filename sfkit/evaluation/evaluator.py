@@ -14,7 +14,7 @@ from typing import Any
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation.engines import Engine, Result, check_engine, make_engine
+from sfkit.evaluation.engines import Engine, Result, check_engine, check_pool, make_engine
 from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, thresholds_for
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.evaluation.prepared import PreparedBenchmark
@@ -78,7 +78,8 @@ class Evaluator:
         channels_last: bool = False,
     ) -> None:
         self.mode = ForwardMode(precision, channels_last)
-        check_engine(engine, workers, pool)
+        check_engine(engine, workers)
+        check_pool(engine, pool)
         self._engine_name, self._workers = engine, workers
         self._busy = threading.Lock()
         self.pool = pool

@@ -190,4 +190,5 @@ def cost(pool: Pool, evaluators: Sequence[Evaluator], plan: Plan, subset: Iterab
         sum(part.seconds_each for part in parts),
         max(part.memory_bytes for part in parts),
         sum(part.images for part in parts),
+        min(part.workers for part in parts),
     )

@@ -56,6 +56,11 @@ class AutoEngine:
         self.picked: InlineEngine | ParallelEngine = self._inline
         self._least, self.why = self._rule()
 
+    @property
+    def workers(self) -> int:
+        """How many evaluate at a time, by the engine that runs now."""
+        return self.picked.workers
+
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """As the engine that it picks for them; once workers have started they stay."""
         if self.picked is self._inline and self._least is not None and len(recipes) >= self._least:

@@ -28,6 +28,11 @@ class Engine(Protocol):
         """What users call it."""
         ...
 
+    @property
+    def workers(self) -> int:
+        """How many evaluate at a time."""
+        ...
+
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """Evaluate recipes; each result is handed over as soon as it is there, with its number."""
         ...
@@ -41,12 +46,12 @@ class Engine(Protocol):
         ...
 
 
-def check_engine(name: str, workers: int | None, pool: Pool) -> None:
-    """Refuse, before long work, what :func:`make_engine` would refuse.
+def check_engine(name: str, workers: int | None) -> None:
+    """Refuse, before long work, an engine that cannot be had.
 
     Raises:
-        InputError: an unknown engine, a number of workers it cannot have, an architecture that its
-            workers could not import, or an engine whose library is not installed.
+        InputError: an unknown engine, a number of workers it cannot have, or one whose library is not
+            installed.
     """
     if name not in ENGINES:
         raise unknown_name("engine", name, ENGINES)
@@ -54,10 +59,18 @@ def check_engine(name: str, workers: int | None, pool: Pool) -> None:
         raise InputError(f"workers: found {workers}, expected at least 1")
     if name == "inline" and workers not in (None, 1):
         raise InputError(f"workers: found {workers}, engine 'inline' has one: choose 'processes' or 'ray'")
-    if name in ("processes", "ray"):
-        module_of(pool)
     if name == "ray":
         ensure_ray()
+
+
+def check_pool(name: str, pool: Pool) -> None:
+    """Refuse, before long work, a pool that an engine's workers could not open.
+
+    Raises:
+        InputError: they could not import its architecture.
+    """
+    if name in ("processes", "ray"):
+        module_of(pool)
 
 
 def make_engine(
@@ -72,9 +85,9 @@ def make_engine(
     """The engine called ``name``; nothing starts before its first recipe.
 
     Raises:
-        InputError: as :func:`check_engine`.
+        InputError: as :func:`check_engine` and :func:`check_pool`.
     """
-    check_engine(name, workers, pool)
+    check_engine(name, workers)
     if name == "inline":
         return InlineEngine(pool, benchmark, device=device, mode=mode)
     if name == "processes":

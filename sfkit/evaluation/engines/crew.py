@@ -74,15 +74,23 @@ class ParallelEngine:
     Args:
         name: what users call it.
         images: how many the benchmark has.
+        workers: how many are asked for; None where the crew will tell.
         hire: starts a crew.
         about: what the crew is, for :meth:`describe`.
     """
 
-    def __init__(self, name: str, images: int, hire: Callable[[], Crew], about: str) -> None:
+    def __init__(
+        self, name: str, images: int, workers: int | None, hire: Callable[[], Crew], about: str
+    ) -> None:
         self.name = name
-        self._images, self._hire, self._about = images, hire, about
+        self._images, self._asked, self._hire, self._about = images, workers, hire, about
         self._crew: Crew | None = None
         self._calls = 0
+
+    @property
+    def workers(self) -> int:
+        """How many evaluate at a time; 1 where that is not known before they start."""
+        return self._crew.size if self._crew is not None else self._asked or 1
 
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """Evaluate recipes; each result is handed over as soon as it is there, with its number.

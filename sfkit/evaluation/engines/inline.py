@@ -25,6 +25,7 @@ class InlineEngine:
     """
 
     name = "inline"
+    workers = 1
 
     def __init__(
         self,

@@ -198,7 +198,7 @@ def process_engine(
     def hire() -> ProcessCrew:
         return ProcessCrew(plan, devices, start_seconds)
 
-    return ParallelEngine("processes", len(benchmark), hire, threaded)
+    return ParallelEngine("processes", len(benchmark), len(devices), hire, threaded)
 
 
 def seats_on(device: str, workers: int | None) -> tuple[str, ...]:

@@ -215,7 +215,7 @@ def ray_engine(
         return RayCrew(order, workers, start_seconds)
 
     about = f"{workers or 'as many'} workers on {kind}" + ("" if workers else " as the cluster has room for")
-    return ParallelEngine("ray", len(benchmark), hire, about)
+    return ParallelEngine("ray", len(benchmark), workers, hire, about)
 
 
 def ensure_ray() -> None:
