@@ -134,8 +134,11 @@ class VectorCache:
                 self._drop(entry.name)
 
     def clear(self) -> int:
-        """Drop everything; returns the bytes of task vectors that were freed."""
+        """Drop everything, rendered pairs too; returns the bytes that were freed."""
         freed = 0
+        for path in (self.folder / "rendered").glob("*.npz"):
+            freed += path.stat().st_size
+            path.unlink(missing_ok=True)
         for entry in self.entries():
             freed += entry.size_bytes
             self._drop(entry.name)
