@@ -117,15 +117,20 @@ def _render(world: str, index: int, split: str) -> Sample:
 def _recall(name: str, path: Path) -> Sample | None:
     """A pair kept on disk; one that is missing or torn is rendered anew."""
     try:
-        with np.load(path, allow_pickle=False) as held:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as held:
             return Sample(name, held["left"], held["right"], held["disparity"], held["nonoccluded"])
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
         return None
 
 
 def _keep(sample: Sample, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.npz")
-    arrays = {"left": sample.left, "right": sample.right, "disparity": sample.disparity}
-    np.savez(temporary, nonoccluded=np.asarray(sample.nonoccluded), **arrays)
+    np.savez(
+        temporary,
+        left=sample.left,
+        right=sample.right,
+        disparity=sample.disparity,
+        nonoccluded=np.asarray(sample.nonoccluded),
+    )
     temporary.replace(path)
