@@ -16,10 +16,13 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint lab clean
+.PHONY: help demo test lint lab clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
+
+demo: $(INSTALLED) ## both stages on the embedded bank, in about two minutes
+	env -u OMP_NUM_THREADS $(BIN)/sfkit demo
 
 test: $(INSTALLED) ## run all tests
 	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile $(PYTEST)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -11,7 +12,9 @@ import venv
 import zipfile
 from pathlib import Path
 
+import pandas as pd
 import pytest
+from safetensors.torch import load_file
 
 ROOT = Path(__file__).parents[2]
 # Where a folder of the checkout stands in the wheel.
@@ -105,3 +108,26 @@ def test_manifests_are_found_in_the_wheel(installed: Path, tmp_path: Path) -> No
     (tmp_path / "empty").mkdir()
     done = run(installed / "sfkit", "data", "check", "eth3d", "--root", "empty", cwd=tmp_path)
     assert "0 of 27" in done.stdout + done.stderr, done.stdout + done.stderr
+
+
+@pytest.mark.slow
+def test_the_demo_runs_from_the_wheel(installed: Path, tmp_path: Path) -> None:
+    """Both stages, computed outside the checkout: counted passes, a table, one network, an offline report."""
+    done = run(installed / "sfkit", "demo", "--json", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    table = pd.DataFrame.from_dict(found["table"], orient="index")
+    assert [name.partition(" (")[0] for name in table.index] == [
+        "base", "single best", "uniform", "Stage 1", "Stage 1+2",
+    ]  # fmt: skip
+    assert sum(column.endswith("*") for column in table) == 1
+    guided = table.filter(like="*").iloc[:, 0]
+    assert guided["Stage 1+2"] <= guided["Stage 1"] <= guided["uniform"]
+    assert found["forward_passes"] > 1000, "the store was empty"
+    assert table.min().min() > 1
+    merged = load_file(tmp_path / "runs" / "demo" / "merged.safetensors")
+    assert sum(tensor.numel() for tensor in merged.values()) > 30_000
+    page = (tmp_path / "runs" / "demo" / "report.html").read_text(encoding="utf-8")
+    assert "Stage 1+2" in page
+    shown = run(installed / "sfkit", "show", "runs/demo/merged.safetensors", cwd=tmp_path)
+    assert all(name in shown.stdout for name in found["subset"])
