@@ -103,7 +103,7 @@ def watched_population(
         raise InputError(
             "journal: found no generation of a subset search, expected at least one: run the search first"
         )
-    known = [_individual(entry) for record in finished for entry in record["candidates"]]
+    known = [individual_of(entry) for record in finished for entry in record["candidates"]]
     start = next(record for record in run if record["event"] == "start")
     populations = [tuple(record["population"]) for record in finished]
     return summarise(tuple(start["sources"]), known, populations, generation, metric)
@@ -145,7 +145,8 @@ def _share(group: Sequence[Individual], sources: Sequence[str]) -> tuple[float, 
     return tuple(sum(name in one.subset for one in group) / len(group) for name in sources)
 
 
-def _individual(entry: Mapping[str, Any]) -> Individual:
+def individual_of(entry: Mapping[str, Any]) -> Individual:
+    """The individual a journal's record of a candidate tells of."""
     score = math.inf if entry["score"] is None else float(entry["score"])
     return Individual(
         int(entry["candidate"]),

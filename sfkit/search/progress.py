@@ -1,0 +1,183 @@
+"""How far a search is: one record, from a search in this process or from the journal of one elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields
+from datetime import datetime
+from enum import StrEnum
+from typing import Any
+
+from sfkit.errors import InputError
+from sfkit.search.base import Search
+from sfkit.search.journal import last_run
+from sfkit.search.records import Counts
+from sfkit.search.routing import RoutingSearch
+from sfkit.search.runs import STAGES
+from sfkit.search.subset import SubsetSearch
+
+
+class Phase(StrEnum):
+    """What a search is doing."""
+
+    READY = "ready"  # nothing was started yet
+    RUNNING = "running"
+    PAUSING = "pausing"  # asked to pause; the evaluation under way is still computed
+    PAUSED = "paused"  # between two evaluations, and goes on from there
+    STOPPING = "stopping"
+    STOPPED = "stopped"  # between two generations; what was evaluated is in the store
+    FINISHED = "finished"
+    FAILED = "failed"  # the scorer raised; running again tries again
+    OPEN = "open"  # elsewhere: it runs, or was killed; its journal tells no more
+
+
+@dataclass(frozen=True)
+class Best:
+    """The best candidate so far: its number, score (in the metric's unit) and sources."""
+
+    number: int
+    score: float
+    subset: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a search is.
+
+    Attributes:
+        stage: ``Stage 1`` or ``Stage 2``.
+        phase: what it is doing.
+        generation: the last finished one, -1 before the first.
+        generations: the last one there will be; None in Stage 2, which counts evaluations.
+        candidates: proposed and answered, those of an unfinished generation included, as far as known.
+        total: the most there will be.
+        counts: evaluations asked for: distinct, cached, failed, seconds; an unfinished generation is in
+            distinct and cached, not yet in failed.
+        best: of all finished generations; None where nothing has a finite score.
+        running: seconds it has run for: by the clock in this process, in evaluations elsewhere.
+        left: estimate of the seconds left at most; None where there is nothing to estimate from.
+        reason: why no step is left, or why it ended; None where neither.
+        error: why it failed, one sentence.
+        written: when its journal was last written; None in this process.
+    """
+
+    stage: str
+    phase: Phase
+    generation: int
+    generations: int | None
+    candidates: int
+    total: int
+    counts: Counts
+    best: Best | None
+    running: float
+    left: float | None
+    reason: str | None = None
+    error: str | None = None
+    written: datetime | None = None
+
+    @property
+    def settled(self) -> bool:
+        """True where nothing is under way."""
+        busy = (Phase.RUNNING, Phase.PAUSING, Phase.STOPPING, Phase.OPEN)
+        return self.phase not in busy
+
+
+def best_of(search: Search[Any]) -> Best | None:
+    """The best candidate of the finished generations."""
+    best = search.best
+    return None if best is None else Best(best.number, best.score, best.subset)
+
+
+def last_generation(search: Search[Any]) -> int | None:
+    """The number of the last generation; None where the number of evaluations ends the search."""
+    return int(search.settings.generations) if isinstance(search, SubsetSearch) else None
+
+
+def most_candidates(search: Search[Any]) -> int:
+    """The most candidates a search will propose.
+
+    Raises:
+        InputError: a search that is neither Stage 1 nor Stage 2.
+    """
+    if isinstance(search, SubsetSearch):
+        return _stage1(search.settings.population, search.settings.generations)
+    if isinstance(search, RoutingSearch):
+        return int(search.settings.evaluations)
+    raise InputError(f"search: found a {type(search).__name__}, expected SubsetSearch or RoutingSearch")
+
+
+def next_size(search: Search[Any]) -> int:
+    """How many candidates the next generation has at most."""
+    left = most_candidates(search) - len(search.candidates)
+    if isinstance(search, RoutingSearch):
+        size = 1 + (search.start is not None) if search.generation < 0 else search.population
+    else:
+        population = int(search.settings.population) if isinstance(search, SubsetSearch) else left
+        size = population if search.generation < 0 else population + population % 2
+    return min(size, left)
+
+
+def time_left(seconds: float, done: float, total: float) -> float | None:
+    """Seconds left at the pace so far; an upper bound, since later candidates are more often repeated."""
+    return None if done <= 0 or seconds <= 0 else seconds / done * max(total - done, 0.0)
+
+
+def watched_progress(records: Iterable[Mapping[str, Any]], search: str) -> Progress:
+    """The progress of a search that runs elsewhere.
+
+    Args:
+        records: what :func:`~sfkit.search.journal.read_journal` returned.
+        search: ``subset`` or ``routing``.
+
+    Raises:
+        InputError: the journal holds no such search.
+    """
+    run = [r for r in last_run((dict(r) for r in records), search) if r.get("search") == search]
+    if not run or run[0]["event"] != "start":
+        raise InputError(f"journal: found no {search} search, expected one: run it with journal=Journal(...)")
+    start, finished = run[0], [record for record in run if record["event"] == "generation"]
+    settings, last = start["settings"], finished[-1] if finished else {}
+    ended = run[-1] if run[-1]["event"] == "end" else {}
+    counts = Counts(**_known(last.get("counts", {})))
+    first_stage = search == SubsetSearch.kind
+    total = (
+        _stage1(settings["population"], settings["generations"])
+        if first_stage
+        else int(settings["evaluations"])
+    )
+    return Progress(
+        stage=STAGES[search],
+        phase=_phase(ended.get("reason")),
+        generation=int(last.get("generation", -1)),
+        generations=int(settings["generations"]) if first_stage else None,
+        candidates=counts.candidates,
+        total=total,
+        counts=counts,
+        best=_best(last.get("best")),
+        running=counts.seconds,
+        left=None if ended else time_left(counts.seconds, counts.candidates, total),
+        reason=ended.get("reason"),
+        written=datetime.fromisoformat(run[-1]["time"]),
+    )
+
+
+def _stage1(population: int, generations: int) -> int:
+    # Offspring come in pairs: an odd population breeds one more than its size.
+    return int(population) + int(generations) * (int(population) + int(population) % 2)
+
+
+def _phase(reason: str | None) -> Phase:
+    if reason is None:
+        return Phase.OPEN
+    return Phase.STOPPED if reason == "stop requested" else Phase.FINISHED
+
+
+def _best(entry: Mapping[str, Any] | None) -> Best | None:
+    if entry is None:
+        return None
+    return Best(int(entry["candidate"]), float(entry["score"]), tuple(entry["subset"]))
+
+
+def _known(counts: Mapping[str, Any]) -> dict[str, Any]:
+    names = [field.name for field in fields(Counts)]
+    return {name: counts[name] for name in names if name in counts}
