@@ -1,0 +1,59 @@
+"""DisparityCompare in JupyterLab: linked zoom, another pair, reload, dark theme, a saved notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import nbformat
+import pytest
+from browser_lab import Notebook
+
+pytestmark = pytest.mark.browser
+
+CELLS = [
+    "from pathlib import Path\nimport tempfile\nfrom browser_compare import widget",
+    "compare = widget(Path(tempfile.mkdtemp()))\ncompare",
+]
+KEPT = ".sfkit[data-kept='true']"
+
+
+def test_in_jupyterlab(lab: Callable[..., Notebook]) -> None:
+    notebook = lab("compare/compare.ipynb", CELLS)
+    notebook.run_all()
+    page = notebook.page
+    root = page.locator(".sfkit")
+    panels = root.locator("canvas")
+    assert panels.count() == 5
+    panels.nth(2).click()
+    box = panels.nth(2).bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+    page.mouse.wheel(0, -120)
+    page.wait_for_selector(KEPT)
+    camera = notebook.evaluate("compare.camera")
+    assert camera["zoom"] == pytest.approx(1.25**2)
+    # The point under the mouse, at a quarter of the width, stays there.
+    assert camera["x"] - 96 / camera["zoom"] / 4 == pytest.approx(24, abs=0.5)
+    root.get_by_role("button", name="next pair").click()
+    page.wait_for_selector(".sfkit[data-pair='pair1']")
+    notebook.settled()
+    assert notebook.evaluate("compare.scene['pair']") == "pair1"
+    panels.nth(2).click()
+    page.keyboard.press("2")
+    page.keyboard.press("+")
+    page.wait_for_selector(KEPT)
+    notebook.theme("JupyterLab Dark")
+    page.wait_for_selector(".sfkit[data-theme='dark'][data-host='jupyter']")
+    notebook.theme("JupyterLab Light")
+    saved = nbformat.read(notebook.save(), as_version=4)
+    states = saved.metadata["widgets"]["application/vnd.jupyter.widget-state+json"]["state"]
+    (state,) = [entry for entry in states.values() if "scene" in entry["state"]]
+    assert state["state"]["shown"] == "error"
+    assert state["state"]["camera"]["zoom"] == 1.25
+    assert len([buffer for buffer in state["buffers"] if "map" in buffer["path"]]) == 3
+    notebook.reload()
+    page.wait_for_selector(".sfkit[data-pair='pair1']")
+    assert root.get_by_role("button", name="error", exact=True).get_attribute("aria-pressed") == "true"
+    assert root.locator("output").inner_text() == "125 %"
+    root.get_by_role("button", name="previous pair").click()
+    page.wait_for_selector(".sfkit[data-pair='pair0']")

@@ -1,0 +1,118 @@
+"""One pair with all its networks, as DisparityCompare carries it to the browser."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.analysis.differences import OutlierRegion, advantage, outlier_regions
+from sfkit.analysis.disparities import DisparityPanels, Map, NetworkMaps
+from sfkit.analysis.labels import score_text
+from sfkit.figures.colours import DISPARITY, ERROR, ERROR_SPAN, hatch, lookup
+from sfkit.figures.differences import ADVANTAGE_SPAN
+
+NO_VALUE, NOT_FINITE = 0, 65535
+LOWEST, HIGHEST = 1, 65534
+REACH = 4.0  # values further from the colour range than so many of its widths are cut off
+HATCH_SIDE = 8
+PHOTOGRAPH_QUALITY = 90
+
+
+@dataclass(frozen=True)
+class Coding:
+    """How disparities become 16-bit codes: pixels = offset + (code - 1) * step for codes 1 to 65534.
+
+    Code 0 is no value (no ground truth that counts), code 65535 a prediction that is not finite. Values
+    beyond either end take the end's code. All maps of a pair share one coding, so that the difference
+    of two codes times ``step`` is a difference in pixels.
+    """
+
+    offset: float
+    step: float
+
+    @classmethod
+    def of(cls, panels: DisparityPanels) -> Coding:
+        """Fine enough for the values there are: at most 1/60 000 of their range."""
+        low, high = panels.limits
+        reach = REACH * (high - low)
+        maps = [panels.truth, *(network.disparity for network in panels.networks)]
+        known = [map_[np.isfinite(map_)] for map_ in maps]
+        bottom = min(float(values.min()) for values in known if values.size)
+        top = max(float(values.max()) for values in known if values.size)
+        offset = max(bottom, low - reach)
+        span = max(min(top, high + reach) - offset, high - low)
+        return cls(offset, span / (HIGHEST - LOWEST))
+
+    def codes(self, map_: Map, *, missing: int) -> NDArray[np.uint16]:
+        """(H, W) codes of disparities in pixels; what is not finite becomes ``missing``."""
+        finite = np.isfinite(map_)
+        scaled = (np.where(finite, map_, self.offset).astype(np.float64) - self.offset) / self.step
+        held = np.clip(np.rint(scaled) + LOWEST, LOWEST, HIGHEST)
+        return np.where(finite, held, missing).astype("<u2")
+
+
+def scene(panels: DisparityPanels) -> dict[str, Any]:
+    """Everything a pair shows: pictures and maps as bytes, the rest plain JSON.
+
+    Maps are (H, W) uint16 in little-endian order; see :class:`Coding`.
+    """
+    coding = Coding.of(panels)
+    height, width = panels.truth.shape
+    return {
+        "benchmark": panels.benchmark,
+        "protocol": panels.protocol,
+        "pair": panels.pair,
+        "width": width,
+        "height": height,
+        "offset": coding.offset,
+        "step": coding.step,
+        "limits": list(panels.limits),
+        "threshold": panels.threshold,
+        "left": _photograph(panels.left),
+        "truth": coding.codes(panels.truth, missing=NO_VALUE).tobytes(),
+        "networks": [_network(panels, network, coding) for network in panels.networks],
+    }
+
+
+def palettes() -> dict[str, Any]:
+    """The figures' colours: two maps of (256, 3) RGB bytes, a hatch of (8, 8, 3), and their spans."""
+    return {
+        "disparity": lookup(DISPARITY).tobytes(),
+        "error": lookup(ERROR).tobytes(),
+        "hatch": hatch(HATCH_SIDE, HATCH_SIDE).tobytes(),
+        "errorSpan": ERROR_SPAN,
+        "advantageSpan": ADVANTAGE_SPAN,
+    }
+
+
+def _network(panels: DisparityPanels, network: NetworkMaps, coding: Coding) -> dict[str, Any]:
+    versus = [advantage(other.error, network.error, panels.threshold) for other in panels.networks]
+    return {
+        "name": network.name,
+        "score": ", ".join(score_text(metric, score) for metric, score in network.scores.items()),
+        "map": coding.codes(network.disparity, missing=NOT_FINITE).tobytes(),
+        "against": [{"fixed": found.fixed, "broken": found.broken} for found in versus],
+        "regions": [_region(region) for region in outlier_regions(network.error, panels.threshold)],
+    }
+
+
+def _region(region: OutlierRegion) -> dict[str, Any]:
+    """A region as JSON has it: None where an error is infinite."""
+    values = {**asdict(region), "peak": list(region.peak)}
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }
+
+
+def _photograph(image: NDArray[np.uint8]) -> bytes:
+    options = [cv2.IMWRITE_JPEG_QUALITY, PHOTOGRAPH_QUALITY]
+    done, data = cv2.imencode(".jpg", np.ascontiguousarray(image[..., ::-1]), options)
+    if not done:
+        raise ValueError(f"an image of {image.shape} cannot be coded as JPEG")
+    return np.asarray(data).tobytes()

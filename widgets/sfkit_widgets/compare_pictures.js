@@ -1,0 +1,143 @@
+// The pictures of a scene, painted when they are first needed and kept until they would look different.
+
+import {
+  codesOf,
+  colourTable,
+  disparityColours,
+  disparityOf,
+  errorColours,
+  errorOf,
+  paintBetter,
+  paintDisparity,
+  paintError,
+  paintHatch,
+} from "./compare_paint.js";
+import { imageUrl } from "./_shared.js";
+
+/** @typedef {import("./compare_paint.js").Palettes} Palettes */
+/** @typedef {{x: number, y: number, width: number, height: number, pixels: number, above: number,
+ *   mean: number | null, worst: number | null, peak: [number, number]}} Region */
+/** @typedef {{name: string, score: string, map: DataView, against: {fixed: number, broken: number}[],
+ *   regions: Region[]}} SceneNetwork */
+/** @typedef {{benchmark: string, protocol: string, pair: string, width: number, height: number,
+ *   offset: number, step: number, limits: number[], threshold: number, left: DataView, truth: DataView,
+ *   networks: SceneNetwork[]}} Scene */
+
+export class Pictures {
+  /**
+   * @param {Scene} scene
+   * @param {Palettes} palettes
+   * @param {() => void} loaded called when the left image is there
+   */
+  constructor(scene, palettes, loaded) {
+    this.scene = scene;
+    this.palettes = palettes;
+    this.truth = codesOf(scene.truth);
+    this.maps = scene.networks.map((network) => codesOf(network.map));
+    this.tables = {
+      disparity: colourTable(palettes.disparity),
+      error: colourTable(palettes.error),
+      hatch: colourTable(palettes.hatch),
+    };
+    this.errors = errorColours(scene.step, scene.threshold, palettes.errorSpan, this.tables.error);
+    /** @type {Map<string, {look: string, canvas: HTMLCanvasElement}>} */
+    this.painted = new Map();
+    this.disparities = { look: "", colours: new Uint32Array(0) };
+    this.left = new Image();
+    const url = imageUrl(scene.left, "image/jpeg");
+    this.left.onload = () => {
+      URL.revokeObjectURL(url);
+      loaded();
+    };
+    this.left.src = url;
+  }
+
+  /** The photograph; null until it is decoded. */
+  photograph() {
+    return this.left.complete && this.left.naturalWidth ? this.left : null;
+  }
+
+  /** @param {number[]} limits */
+  groundTruth(limits) {
+    return this.picture("truth", String(limits), (out) =>
+      paintDisparity(out, this.truth, this.disparityColours(limits)),
+    );
+  }
+
+  /**
+   * What is shown of a network; of the reference itself, its error stands where others are better.
+   * @param {number} number
+   * @param {{shown: string, limits: number[], reference: number}} look
+   */
+  network(number, { shown, limits, reference }) {
+    const kind = shown === "better" && number === reference ? "error" : shown;
+    const codes = this.maps[number];
+    if (kind === "disparity") {
+      return this.picture(`network ${number}`, `disparity ${limits}`, (out) =>
+        paintDisparity(out, codes, this.disparityColours(limits)),
+      );
+    }
+    if (kind === "error") {
+      return this.picture(`network ${number}`, "error", (out) =>
+        paintError(out, codes, this.truth, this.errors),
+      );
+    }
+    const { step, threshold } = this.scene;
+    const span = (this.palettes.advantageSpan * threshold) / step;
+    const maps = { codes, reference: this.maps[reference], truth: this.truth };
+    return this.picture(`network ${number}`, `better ${reference}`, (out) =>
+      paintBetter(out, maps, span, this.tables.error),
+    );
+  }
+
+  /**
+   * What a reader learns of one pixel, in image pixels.
+   * @param {number} x
+   * @param {number} y
+   * @param {number} reference
+   */
+  values(x, y, reference) {
+    const at = y * this.scene.width + x;
+    const { step } = this.scene;
+    const truth = this.truth[at];
+    const other = errorOf(this.maps[reference][at], truth, step);
+    return {
+      truth: disparityOf(truth, this.scene),
+      networks: this.maps.map((map, number) => {
+        const error = errorOf(map[at], truth, step);
+        const same = number === reference || (error === Infinity && other === Infinity);
+        return { disparity: disparityOf(map[at], this.scene), error, against: same ? 0 : error - other };
+      }),
+    };
+  }
+
+  /** @param {number[]} limits */
+  disparityColours(limits) {
+    if (this.disparities.look !== String(limits)) {
+      const colours = disparityColours(this.scene, limits, this.tables.disparity);
+      this.disparities = { look: String(limits), colours };
+    }
+    return this.disparities.colours;
+  }
+
+  /**
+   * @param {string} slot one canvas each
+   * @param {string} look what the canvas must show
+   * @param {(out: Uint32Array) => void} paint
+   */
+  picture(slot, look, paint) {
+    const held = this.painted.get(slot) ?? { look: "", canvas: document.createElement("canvas") };
+    this.painted.set(slot, held);
+    if (held.look === look) return held.canvas;
+    const { width, height } = this.scene;
+    const context = /** @type {CanvasRenderingContext2D} */ (held.canvas.getContext("2d"));
+    if (!held.look) Object.assign(held.canvas, { width, height });
+    const data = context.createImageData(width, height);
+    const out = new Uint32Array(data.data.buffer);
+    paint(out);
+    paintHatch(out, width, this.tables.hatch);
+    context.putImageData(data, 0, 0);
+    held.look = look;
+    return held.canvas;
+  }
+}
