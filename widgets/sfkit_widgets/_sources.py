@@ -1,0 +1,130 @@
+"""Where the search widgets get what they show: a search of this process, or the journal of another."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, TypeAlias
+
+from sfkit.analysis.evolution import Evolution, evolution, watched_evolution
+from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
+from sfkit.errors import InputError
+from sfkit.search.base import Search
+from sfkit.search.following import FollowedJournal
+from sfkit.search.live import LiveSearch
+from sfkit.search.progress import Progress, watched_progress
+from sfkit.search.routing import RoutingSearch
+from sfkit.search.subset import SubsetSearch
+
+
+class Source(Protocol):
+    """A search as its viewers see it."""
+
+    kind: str
+    """``subset`` or ``routing``."""
+
+    def progress(self) -> Progress:
+        """How far it is."""
+
+    def version(self) -> object:
+        """Another object after every generation."""
+
+    def evolution(self) -> Evolution | None:
+        """Stage 1 so far; None before its first generation."""
+
+    def trace(self) -> RoutingTrace | None:
+        """Stage 2 so far; None before its first evaluation."""
+
+
+class LiveSource:
+    """A search of this process."""
+
+    def __init__(self, live: LiveSearch, metric: str | None = None) -> None:
+        self.live = live
+        self.kind = live.search.kind
+        self.metric = metric or live.metric
+
+    def progress(self) -> Progress:
+        """How far it is."""
+        return self.live.progress()
+
+    def version(self) -> object:
+        """The search's frozen state."""
+        return self.live.search.state
+
+    def evolution(self) -> Evolution | None:
+        """Stage 1 so far; None before its first generation."""
+        search = self.live.search
+        if not isinstance(search, SubsetSearch) or not search.state.populations:
+            return None
+        return evolution(search, metric=self.metric)
+
+    def trace(self) -> RoutingTrace | None:
+        """Stage 2 so far; None before its first evaluation."""
+        search = self.live.search
+        if not isinstance(search, RoutingSearch) or not search.state.candidates:
+            return None
+        return routing_trace(search, metric=self.metric)
+
+
+class JournalSource:
+    """A search that runs elsewhere; one of a journal's two stages."""
+
+    def __init__(self, journal: FollowedJournal, kind: str, metric: str | None = None) -> None:
+        self.journal = journal
+        self.kind = kind
+        self.metric = metric
+
+    def progress(self) -> Progress:
+        """How far it is."""
+        return watched_progress(self.journal.records(), self.kind)
+
+    def version(self) -> object:
+        """The records so far."""
+        return self.journal.records()
+
+    def evolution(self) -> Evolution | None:
+        """Stage 1 so far; None before its first generation."""
+        records = self.journal.records()
+        if self.kind != SubsetSearch.kind or not self._begun():
+            return None
+        return watched_evolution(records, metric=self.metric)
+
+    def trace(self) -> RoutingTrace | None:
+        """Stage 2 so far; None before its first evaluation."""
+        records = self.journal.records()
+        if self.kind != RoutingSearch.kind or not self._begun():
+            return None
+        return watched_routing(records, metric=self.metric)
+
+    def _begun(self) -> bool:
+        return watched_progress(self.journal.records(), self.kind).generation >= 0
+
+
+Watchable: TypeAlias = Search[Any] | LiveSearch | LiveSource | JournalSource
+"""What a search widget can be made for."""
+
+
+def source_of(
+    search: Watchable, metric: str | None, *, kind: str | None = None
+) -> LiveSource | JournalSource:
+    """The source of what was given.
+
+    Args:
+        search: a search, its live session, or a source itself.
+        metric: what the scores are, for labels; the scorer's own unless given.
+        kind: the stage the widget is for; None for both.
+
+    Raises:
+        InputError: something else, or a search of the other stage.
+    """
+    if isinstance(search, LiveSource | JournalSource):
+        found: LiveSource | JournalSource = search
+    elif isinstance(search, Search | LiveSearch):
+        found = LiveSource(search if isinstance(search, LiveSearch) else LiveSearch.of(search), metric)
+    else:
+        raise InputError(
+            f"search: found a {type(search).__name__}, expected a SubsetSearch, RoutingSearch or LiveSearch"
+        )
+    if kind is not None and found.kind != kind:
+        other = {"subset": "PopulationView", "routing": "RoutingView"}[found.kind]
+        raise InputError(f"search: found a {found.kind} search, expected a {kind} search: use {other}")
+    return found

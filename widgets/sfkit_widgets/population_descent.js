@@ -1,0 +1,83 @@
+// Beside the individuals: where one comes from and what came of it, and the best subsets of all.
+
+import { element } from "./_shared.js";
+import { marks } from "./population_grid.js";
+
+/**
+ * @param {any} now the trait `evolution`
+ * @param {number | null} number who is looked at
+ * @param {(number: number) => void} jump go to the generation where an individual first is
+ */
+export function descentPanel(now, number, jump) {
+  const person = number === null ? null : now.people[number];
+  const panel = element("section", { class: "sfkit-population-descent", "aria-label": "Descent" });
+  panel.append(element("h4", {}, "Who descends from whom?"));
+  if (!person) {
+    panel.append(element("p", { class: "sfkit-population-hint" }, "Point at an individual, or move to it."));
+    return panel;
+  }
+  panel.append(line(now, number, "candidate", null), element("p", {}, made(person)));
+  for (const parent of person.parents) panel.append(line(now, parent, "parent", jump));
+  const children = offspring(now.people, number);
+  panel.append(element("p", {}, offspringText(now, children)));
+  return panel;
+}
+
+/**
+ * @param {any} now
+ * @param {(number: number) => void} jump
+ */
+export function archivePanel(now, jump) {
+  const panel = element("section", { "aria-label": "Archive" });
+  panel.append(element("h4", {}, `The best ${now.archive.length} subsets of all generations`));
+  if (!now.archive.length) panel.append(element("p", {}, "No subset has a score yet."));
+  const best = now.archive.map((number, n) => line(now, number, String(n + 1), jump));
+  panel.append(...best);
+  return panel;
+}
+
+/**
+ * How an individual came about.
+ * @param {{operators: string[], parents: number[]}} person
+ */
+export function made({ operators, parents }) {
+  const [first, ...then] = operators;
+  const after = then.length ? `, then ${then.join(", then ")}` : "";
+  if (first === "start") return `Given to start from${after}.`;
+  if (!parents.length) return `Drawn at ${first ?? "random"}${after}.`;
+  const from = parents.length > 1 ? parents.join(" and ") : `${parents[0]}`;
+  return `${first === "copy" ? "Copy" : "Crossover"} of ${from}${after}.`;
+}
+
+/**
+ * Numbers of those bred from an individual, ascending.
+ * @param {Record<string, {parents: number[]}>} people
+ * @param {number} number
+ */
+export function offspring(people, number) {
+  const born = Object.entries(people).filter(([, { parents }]) => parents.includes(number));
+  return born.map(([child]) => Number(child));
+}
+
+function offspringText(now, children) {
+  if (!children.length) return "None of its offspring survived in the generations shown.";
+  const named = children.slice(0, 6).map((child) => `${child} (${now.people[child].operators.join(", ")})`);
+  const more = children.length > 6 ? ` and ${children.length - 6} more` : "";
+  return `${children.length} surviving offspring: ${named.join("; ")}${more}.`;
+}
+
+function line(now, number, name, jump) {
+  const person = now.people[number];
+  if (!person) return element("p", {}, `${name} ${number}: not among the generations shown`);
+  const strip = element("span", { class: "sfkit-population-strip", role: "img" }, ...marks(now, person, "none"));
+  strip.setAttribute("aria-label", person.sources.map((s) => now.sources[s]).join(", "));
+  const row = element("div", { class: "sfkit-population-line" }, element("span", {}, name));
+  const title = "Show the generation where it first is";
+  row.append(
+    jump ? element("button", { type: "button", title }, String(number)) : element("b", {}, String(number)),
+    strip,
+    element("span", {}, person.score),
+  );
+  if (jump) row.querySelector("button").addEventListener("click", () => jump(number));
+  return row;
+}

@@ -1,0 +1,54 @@
+// How often each source is chosen: one row a generation, time running down, one column a source.
+
+import { element } from "./_shared.js";
+
+/**
+ * Columns of all tables of a population, so that a source is followed down one column: a place for the
+ * row's name, the sources, and a place for the score.
+ * @param {number} sources
+ */
+export function sourceColumns(sources) {
+  return `38px repeat(${sources}, minmax(12px, 34px)) minmax(92px, 1fr)`;
+}
+
+/**
+ * @param {any} now the trait `evolution`
+ * @param {number} at position of the generation that is shown
+ * @param {(position: number) => void} choose
+ * @returns {HTMLElement}
+ */
+export function shareTable(now, at, choose) {
+  const table = element("div", { class: "sfkit-population-table", role: "table" });
+  table.setAttribute("aria-label", "Share of the individuals that have a source, by generation");
+  table.append(headRow(now.sources));
+  const body = element("div", { class: "sfkit-population-scroll", role: "rowgroup" });
+  now.generations.forEach((generation, n) => {
+    const row = element("div", { class: "sfkit-population-row", role: "row" });
+    if (n === at) row.classList.add("sfkit-population-at");
+    row.append(element("span", { class: "sfkit-population-name", role: "rowheader" }, String(generation)));
+    row.append(...now.share[n].map((share, s) => shareCell(share, now.sources[s])));
+    row.append(element("span", { role: "cell" }));
+    row.addEventListener("click", () => choose(n));
+    body.append(row);
+  });
+  table.append(body);
+  return table;
+}
+
+function headRow(sources) {
+  const names = sources.map((name) =>
+    element("span", { class: "sfkit-population-source", role: "columnheader", title: name }, name),
+  );
+  const corner = element("span", { class: "sfkit-population-name", role: "columnheader" }, "gen.");
+  const key = element("span", { class: "sfkit-population-key", role: "columnheader" }, "have the source");
+  key.append(element("span", { class: "sfkit-population-ramp", "aria-hidden": "true" }), "0 to 100 %");
+  return element("div", { class: "sfkit-population-row sfkit-population-head", role: "row" }, corner, ...names, key);
+}
+
+function shareCell(share, name) {
+  const text = `${Math.round(100 * share)} %`;
+  const cell = element("span", { class: "sfkit-population-share", role: "cell", title: `${name}: ${text}` });
+  cell.setAttribute("aria-label", text);
+  cell.style.opacity = String(0.08 + 0.92 * share);
+  return cell;
+}

@@ -1,0 +1,133 @@
+"""PopulationView: the population of Stage 1, who descends from whom, and what the search settles on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import traitlets
+
+from sfkit.analysis.evolution import Evolution
+from sfkit.analysis.labels import metric_label, score_text
+from sfkit.analysis.populations import Individual
+from sfkit.analysis.thinning import drawn_points
+from sfkit.errors import InputError
+from sfkit_widgets._assets import script, style
+from sfkit_widgets._base import SfkitWidget
+from sfkit_widgets._publisher import PUBLISHER
+from sfkit_widgets._sources import Watchable, source_of
+
+GENERATIONS_DRAWN, INDIVIDUALS_DRAWN = 100, 60
+"""At most so many generations, and individuals of each, best first, reach the browser."""
+
+
+class PopulationView(SfkitWidget):
+    """Watches a Stage 1 search, whether a widget, a cell or another process runs it.
+
+    Args:
+        search: a :class:`~sfkit.search.subset.SubsetSearch` or its live session.
+        archive: how many of the best unique subsets to list, at least 0.
+        metric: what the scores are, such as ``bad-1.0``; the scorer's own metric unless given.
+        settings: ``theme`` and ``layout``.
+
+    Raises:
+        InputError: something that is no Stage 1 search, or an argument of another name.
+    """
+
+    _esm = script("population_view.js")
+    _css = style("charts.css", "population_view.css")
+
+    evolution = traitlets.Dict().tag(sync=True)
+    """All that is drawn, see :func:`shown_evolution`; empty before the first generation.
+
+    - Type: `dict[str, Any]`, scores in the metric's unit, shares and diversity in [0, 1]
+    - Default: `{}`
+    """
+
+    def __init__(
+        self, search: Watchable, *, archive: int = 8, metric: str | None = None, **settings: Any
+    ) -> None:
+        if isinstance(archive, bool) or not isinstance(archive, int) or archive < 0:
+            raise InputError(f"archive: found {archive!r}, expected a whole number of at least 0")
+        self._source = source_of(search, metric, kind="subset")
+        self._archive = archive
+        self._version: object = None
+        super().__init__(settings)
+        self.refresh()
+        PUBLISHER.follow(self)
+
+    def refresh(self) -> None:
+        """Show the latest generation, where there is a new one."""
+        with self.reporting():
+            version = self._source.version()
+            if version is self._version:
+                return
+            found = self._source.evolution()
+            self.evolution = {} if found is None else shown_evolution(found, self._archive)
+            self._version = version
+
+    def close(self) -> None:
+        """Take the widget away; the search goes on."""
+        PUBLISHER.leave(self)
+        super().close()
+
+
+def shown_evolution(found: Evolution, archive: int) -> dict[str, Any]:
+    """What the script draws, as JSON values; None stands for a score that is not finite.
+
+    ``sources``; ``metric``, with its unit; ``generations``, the numbers of those drawn; for each of them
+    ``best``, ``median``, ``share``, ``sizes``, ``diversity``, ``populations`` (numbers, best first) and
+    ``totals`` (how many individuals there are); ``people`` by number: ``sources`` (positions), ``score``
+    (text), ``operators``, ``parents``, ``generation`` (the first drawn one it is in, or None); ``archive``.
+    """
+    history = found.history
+    drawn = drawn_points(history.generations, limit=GENERATIONS_DRAWN).tolist()
+    populations = {g: found.populations[g][:INDIVIDUALS_DRAWN] for g in drawn}
+    best = found.archive[:archive]
+    named = {number for group in populations.values() for number in group} | set(best)
+    named |= {parent for number in named for parent in found.individuals[number].parents}
+    born = _first_seen(populations.items())
+    position = {name: n for n, name in enumerate(history.sources)}
+    return {
+        "sources": list(history.sources),
+        "metric": metric_label(history.metric),
+        "generations": drawn,
+        "best": _finite(history.best[g] for g in drawn),
+        "median": _finite(history.median[g] for g in drawn),
+        "share": [[round(share, 4) for share in history.share[g]] for g in drawn],
+        "sizes": [[low, round(mean, 3), high] for low, mean, high in (found.sizes[g] for g in drawn)],
+        "diversity": [round(found.diversity[g], 4) for g in drawn],
+        "populations": [list(populations[g]) for g in drawn],
+        "totals": [len(found.populations[g]) for g in drawn],
+        "people": {
+            str(number): _person(found.individuals[number], position, history.metric, born.get(number))
+            for number in sorted(named)
+        },
+        "archive": list(best),
+    }
+
+
+def _person(
+    one: Individual, position: dict[str, int], metric: str | None, generation: int | None
+) -> dict[str, Any]:
+    return {
+        "sources": [position[name] for name in one.subset],
+        "score": "failed" if one.failed else score_text(metric, one.score),
+        "failed": one.failed,
+        "operators": list(one.operators),
+        "parents": list(one.parents),
+        "generation": generation,
+    }
+
+
+def _first_seen(populations: Iterable[tuple[int, Sequence[int]]]) -> dict[int, int]:
+    seen: dict[int, int] = {}
+    for generation, numbers in populations:
+        for number in numbers:
+            seen.setdefault(number, generation)
+    return seen
+
+
+def _finite(scores: Iterable[float]) -> list[float | None]:
+    return [float(f"{score:.6g}") if math.isfinite(score) else None for score in scores]

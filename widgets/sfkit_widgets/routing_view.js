@@ -1,0 +1,151 @@
+// RoutingView: one recipe of Stage 2 as a heatmap with its scales, and how all of it moved.
+
+import { element, mount } from "./_shared.js";
+import { onWidth, showCharts } from "./charts.js";
+
+const NOTHING_YET = "No evaluation yet. Press Run or One step of a SearchControl, or call step() on the search.";
+const MARK = "var(--sf-mark)";
+
+function render(host) {
+  const { root, body, watch, signal, close } = mount(host, { label: "Routing", kind: "routing" });
+  const empty = element("p", { class: "sfkit-routing-empty" }, NOTHING_YET);
+  const slider = element("input", { type: "range", min: 0, step: 1, class: "sfkit-routing-slider" });
+  const which = element("output", { class: "sfkit-routing-which" });
+  const best = element("button", { type: "button", title: "Follow the best so far" }, "Best");
+  const bar = element("div", { class: "sfkit-routing-bar" });
+  bar.append(element("label", {}, "Evaluation ", slider), which, best);
+  const heat = element("div", { class: "sfkit-routing-heat" });
+  const left = element("div", {});
+  const right = element("div", {});
+  const content = element("div", { class: "sfkit-routing-content" }, left, right);
+  const scales = element("div", { class: "sfkit-charts" });
+  const weights = element("div", { class: "sfkit-charts" });
+  const distribution = element("div", { class: "sfkit-charts" });
+  left.append(bar, heat, scales);
+  right.append(distribution, weights);
+  body.append(empty, content);
+
+  let shown = -1; // position in `drawn`; the best so far until another is chosen
+  const choose = (n) => {
+    shown = n;
+    draw();
+  };
+  slider.addEventListener("input", () => choose(Number(slider.value)), { signal });
+  best.addEventListener("click", () => choose(-1), { signal });
+
+  function draw() {
+    const now = host.model.get("trace");
+    const ready = now.drawn !== undefined;
+    empty.hidden = ready;
+    content.hidden = !ready;
+    if (!ready) return;
+    const last = now.drawn.length - 1;
+    const at = shown < 0 || shown > last ? now.best ?? last : shown;
+    const number = now.drawn[at];
+    slider.max = String(last);
+    slider.value = String(at);
+    slider.setAttribute("aria-valuetext", `evaluation ${number}, ${now.text[at]}`);
+    const following = shown < 0 && now.best !== null ? ", best so far" : "";
+    which.textContent = `${number} of ${now.evaluations - 1}: ${now.text[at]}${following}`;
+    best.setAttribute("aria-pressed", String(shown < 0));
+    heat.replaceChildren(heatmap(now, at));
+    const pick = (evaluation) => choose(now.drawn.indexOf(evaluation));
+    const common = { xName: "evaluation", x: now.drawn, at: number, pick };
+    showCharts(distribution, distributionCharts(now, common));
+    showCharts(weights, weightCharts(now, common));
+    showCharts(scales, scaleCharts(now, common));
+  }
+
+  watch("trace", draw);
+  onWidth(root, draw, signal);
+  return close;
+}
+
+/** Routing weights of one evaluation: rows are blocks with their scales, columns sources. */
+function heatmap(now, at) {
+  const table = element("table", {});
+  table.append(element("caption", {}, "Routing weights (fraction) and module scales (factor)"));
+  const names = now.sources.map((name) => element("th", { scope: "col" }, name));
+  table.append(element("tr", {}, element("th", { scope: "col" }, "block"), ...names, element("th", {}, "scale")));
+  now.blocks.forEach((block, b) => {
+    const row = now.weights[at][now.tied ? 0 : b];
+    const cells = row.map((weight) => weightCell(weight, now.shades));
+    const scale = element("td", { class: "sfkit-routing-scale" }, `× ${now.scales[at][b].toFixed(2)}`);
+    table.append(element("tr", {}, element("th", { scope: "row" }, block), ...cells, scale));
+  });
+  return table;
+}
+
+function weightCell(weight, shades) {
+  const [background, colour] = shades[Math.round(weight * (shades.length - 1))];
+  const style = `background: ${background}; color: ${colour}`;
+  return element("td", { class: "sfkit-routing-weight", style }, weight.toFixed(2));
+}
+
+/**
+ * The values the best so far had at each evaluation that is drawn; null before there is one.
+ * @param {(number | null)[]} values
+ * @param {(number | null)[]} incumbent positions
+ */
+export function ofIncumbent(values, incumbent) {
+  return incumbent.map((n) => (n === null ? null : values[n]));
+}
+
+function distributionCharts(now, common) {
+  const iterations = { ...common, x: now.iterations, at: null, pick: undefined, log: true, height: 100 };
+  const longest = now.axes.length - 1;
+  const names = now.axes.map((_, n) => (n === 0 ? "shortest" : n === longest ? "longest" : `axis ${n + 1}`));
+  const inner = (n) => n > 0 && n < longest;
+  const axis = (y, n) => {
+    const colour = inner(n) ? "var(--sf-muted)" : MARK;
+    const dash = n === 0 && longest > 0 ? "dash" : "solid";
+    return { name: names[n], y, colour, dash, width: inner(n) ? 0.8 : 2, step: true, quiet: inner(n) };
+  };
+  const score = [
+    { name: "candidate", y: now.score, colour: "var(--sf-mark-warm)", dots: true },
+    { name: "best so far", y: ofIncumbent(now.score, now.incumbent), colour: MARK, step: true },
+  ];
+  const sigma = [{ name: "σ", y: now.sigma, colour: MARK, step: true, quiet: true }];
+  return [
+    { ...common, title: now.metric, series: score },
+    { ...iterations, title: "Step size σ (in x)", series: sigma },
+    { ...iterations, title: "Axis lengths (in x)", series: now.axes.map(axis) },
+  ];
+}
+
+function weightCharts(now, common) {
+  const rows = now.weights[0].map((_, b) => (now.tied ? "all blocks" : now.blocks[b]));
+  return rows.map((name, b) => ({
+    ...common,
+    title: `Weights of the best so far, ${name} (fraction)`,
+    height: rows.length > 1 ? 90 : 130,
+    range: [-0.02, 1.02],
+    yTicks: [0, 0.5, 1],
+    series: now.sources.map((source, e) => {
+      const y = ofIncumbent(now.weights.map((weights) => weights[b][e]), now.incumbent);
+      const { color, dash } = now.colours[e];
+      return { name: source, y, colour: color, dash, step: true, quiet: b > 0 };
+    }),
+  }));
+}
+
+function scaleCharts(now, common) {
+  const [low, high] = now.gamma;
+  const margin = 0.06 * (high - low);
+  return now.blocks.map((block, b) => {
+    const y = now.scales.map((scales) => scales[b]);
+    return {
+      ...common,
+      title: `Scale of ${block} (factor)`,
+      height: 84,
+      range: [low - margin, high + margin],
+      yTicks: [low, 1, high],
+      series: [
+        { name: "candidate", y, colour: MARK, dots: true, quiet: b > 0 },
+        { name: "best so far", y: ofIncumbent(y, now.incumbent), colour: MARK, step: true, quiet: b > 0 },
+      ],
+    };
+  });
+}
+
+export default { render };
