@@ -21,6 +21,7 @@ from sfkit.cli import main
 from sfkit.cli.app import app
 from sfkit.datasets.pfm import read_pfm
 from sfkit.evaluation import EvaluationStore
+from sfkit.merging import LiveModel
 from sfkit.merging.saving import read_recipe
 
 PAIRS = "-b pairs -r pairs"
@@ -114,7 +115,7 @@ def test_evaluate(shell: Shell, world: Path) -> None:
     text, progress = shell(line)
     assert f"{scores['base']:.4f} %" in text
     assert "bad-1.0 under protocol all-valid on pairs (2 pairs)" in text
-    assert progress.strip() == "pairs: 8 of 8 networks scored", "all from the store"
+    assert progress.splitlines()[-1] == "pairs: 8 of 8 networks scored", "all from the store"
 
 
 def test_evaluate_a_recipe_and_the_sources_of_another(shell: Shell) -> None:
@@ -235,3 +236,31 @@ def test_weights_that_overflow_score_as_wrong_everywhere(shell: Shell, world: Pa
     text, errors = shell(f"evaluate pool {PAIRS} --subset kitti --metric bad-1.0")
     assert "100.0000 %  (not finite on 2 of 2 images)" in text
     assert errors.count("warning: ") == 1
+
+
+def test_a_network_that_fails_is_told_beside_those_that_do_not(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    disparity = LiveModel.disparity
+
+    def failing(model: LiveModel, *images: Any) -> Any:
+        if model.recipe.sources == ("kitti",):
+            raise RuntimeError("out of memory,\nreally")
+        return disparity(model, *images)
+
+    monkeypatch.setattr(LiveModel, "disparity", failing)
+    text, _ = shell(f"evaluate pool {PAIRS} --members")
+    kitti = next(line for line in text.splitlines() if line.startswith("kitti"))
+    assert kitti.split(maxsplit=1)[1] == "failed: RuntimeError: out of memory, really"
+    assert text.count("failed") == 1
+    document = shell.json(f"evaluate pool {PAIRS} --members")
+    failures = {row["network"]: row["failure"] for row in document["scores"]}
+    assert [name for name, failure in failures.items() if failure is not None] == ["kitti"]
+    assert shell.json(f"evaluate pool {PAIRS} --subset kitti", code=1)["best"] is None, "nothing has a score"
+
+
+def test_one_recipe_is_one_file_to_the_last_byte(shell: Shell, world: Path) -> None:
+    for name, form in (("safetensors", "safetensors"), ("pth", "original")):
+        shell(f"merge pool --uniform -o one.{name} --form {form}")
+        shell(f"merge pool --uniform -o other.{name} --form {form}")
+        assert (world / f"one.{name}").read_bytes() == (world / f"other.{name}").read_bytes()
