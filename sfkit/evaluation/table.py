@@ -99,7 +99,10 @@ def score_table(
                 flagged = sum(image.flagged for image in evaluation.images)
                 row = (name, benchmark.name, benchmark.protocol, metric.name, metric.unit, score, role)
                 rows.append((*row, len(benchmark), flagged, evaluation.failure, evaluation.cached))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    # Left to itself, pandas turns None into NaN as soon as one failure makes this a column of text.
+    table["failure"] = pd.Series([row[COLUMNS.index("failure")] for row in rows], dtype=object)
+    return table
 
 
 def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:

@@ -129,6 +129,8 @@ EVALUATE = (
     _evaluate("edited", "--recipe edited-json.safetensors", "edited-json.safetensors", "edited"),
     _evaluate("device", "--uniform --device cuda:77", "cuda:77", "not there"),
     _evaluate("device-name", "--uniform --device gpu", "'gpu'", "cuda"),
+    _evaluate("engine", "--uniform --engine inlien", "engine", "'inlien'", "did you mean 'inline'"),
+    _evaluate("workers", "--uniform --workers 0", "workers", "0"),
     _evaluate("out-ending", "--uniform -o scores.txt", "scores.txt", ".csv"),
     _evaluate("out-exists", "--uniform -o scores.csv", "scores.csv", "exists", "--force"),
     _evaluate("out-under-file", "--uniform -o scores.csv/new.csv", "scores.csv", "is a file"),
