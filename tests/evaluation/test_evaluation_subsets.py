@@ -82,7 +82,7 @@ def test_all_subsets_agree_with_an_independent_merge(
     monkeypatch.setenv("SFKIT_REAL_DATA", str(real_data))
     monkeypatch.chdir(tmp_path)
     options = ["--benchmark", "eth3d", "--root", str(real_data / "eth3d"), "--protocol", "raft"]
-    with pytest.raises(SystemExit, match="0"):
+    with pytest.raises(SystemExit, match=r"^0$"):
         main(["evaluate", str(POOL), "--all-subsets", *options, "--metric", "bad-1.0", "--json"])
     out, errors = capsys.readouterr()
     assert "warning" not in errors

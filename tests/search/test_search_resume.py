@@ -135,7 +135,7 @@ def test_a_killed_search_ends_bit_identically_and_evaluates_nothing_twice(
         pd.testing.assert_frame_equal(killed.table(stage), whole.table(stage))
 
     monkeypatch.chdir(world)
-    with pytest.raises(SystemExit, match="0"):
+    with pytest.raises(SystemExit, match=r"^0$"):
         main([*LINE, killed.name])
     again = json.loads(capsys.readouterr().out)
     assert again["evaluations"]["computed"] == 0
@@ -151,7 +151,7 @@ def test_two_searches_share_one_store(
     line = ["search", "pool", "-b", "pairs", "-r", "pairs", "--population", "4", "--generations", "1"]
     counts = []
     for seed in ("1", "2", "1"):
-        with pytest.raises(SystemExit, match="0"):
+        with pytest.raises(SystemExit, match=r"^0$"):
             main(
                 [
                     *line,
