@@ -23,16 +23,17 @@ def strip(sample: Sample, prediction: NDArray[np.float32]) -> Picture:
     Truth and prediction share one colour scale from 0 to the largest true disparity; the error is black
     at 0 px and white at 6 px. Pixels without ground truth are black in the truth and blue in the error.
     """
-    known = np.isfinite(sample.disparity)
     largest = float(np.nanmax(sample.disparity))
-    error = np.abs(prediction - np.where(known, sample.disparity, prediction))
-    grey = np.rint(255.0 * np.clip(error / ERROR_LIMIT, 0.0, 1.0)).astype(np.uint8)
+    truth = _thickened(sample.disparity)
+    known = np.isfinite(truth)
+    error = _thickened(np.abs(prediction - sample.disparity))
+    grey = np.rint(255.0 * np.clip(np.nan_to_num(error) / ERROR_LIMIT, 0.0, 1.0)).astype(np.uint8)
     error_map = np.repeat(grey[..., None], 3, axis=2)
     error_map[~known] = (30, 30, 90)
     parts = [
         _small(sample.left, cv2.INTER_AREA),
         _small(sample.right, cv2.INTER_AREA),
-        _small(colours(sample.disparity, largest), cv2.INTER_NEAREST),
+        _small(colours(truth, largest), cv2.INTER_NEAREST),
         _small(colours(prediction, largest), cv2.INTER_AREA),
         _small(error_map, cv2.INTER_NEAREST),
     ]
@@ -53,6 +54,14 @@ def write_picture(path: Path, picture: Picture) -> None:
     if not done:
         raise OSError(f"{path}: OpenCV could not encode a picture of shape {picture.shape}")
     path.write_bytes(code.tobytes())
+
+
+def _thickened(sparse: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Scan lines, a pixel thin, spread to their neighbours; shrinking a picture would lose most of them."""
+    if np.isfinite(sparse).all():
+        return sparse
+    spread = cv2.dilate(np.nan_to_num(sparse, nan=-1.0), np.ones((3, 3), np.uint8))
+    return np.where(np.isfinite(sparse), sparse, np.where(spread >= 0.0, spread, np.nan)).astype(np.float32)
 
 
 def _small(picture: Picture, interpolation: int) -> Picture:

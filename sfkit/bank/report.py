@@ -36,16 +36,18 @@ occluded ones too, mean over images; EPE is the mean error in pixels. Lower is b
 """
 
 
-def write_report(docs: Path, *, pool_file: Path | None = None, store: Path | None = None) -> Path:
+def write_report(
+    docs: Path, *, pool_file: Path | None = None, store: Path | None = None, pairs: int | None = None
+) -> Path:
     """Score every network of the bank, and write ``docs/bank.md`` with its pictures; return the page's path.
 
     ``pool_file`` is the shipped bank's unless given; ``store`` keeps evaluations, so that a second call
-    scores nothing again.
+    scores nothing again; ``pairs`` scores only the first so many pairs of everything, for a quick look.
     """
     file = pool_file or bank.pool_path()
     pool = open_pool(file)
     with EvaluationStore(store or ":memory:") as kept:
-        scores = bank_scores(pool, file.parent, store=kept)
+        scores = bank_scores(pool, file.parent, store=kept, pairs=pairs)
     write_pictures(pool, docs / PICTURES)
     page = docs / "bank.md"
     page.parent.mkdir(parents=True, exist_ok=True)
@@ -63,7 +65,7 @@ def write_pictures(pool: Pool, folder: Path) -> None:
         live = pool.merge(recipes.get(name, recipes[BASE.name]))
         prepared = pool.architecture.inputs(pool.options).prepare(sample.left, sample.right)
         disparity = prepared.window.crop(live.disparity(prepared.left, prepared.right))
-        write_picture(folder / f"{name}.jpg", strip(sample, disparity[0].numpy()))
+        write_picture(folder / f"{name}.jpg", strip(sample, disparity.numpy()))
 
 
 def _sections(scores: BankScores) -> Iterable[str]:

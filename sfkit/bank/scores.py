@@ -11,7 +11,7 @@ import pandas as pd
 
 from sfkit.bank.plan import HELD_OUT_PAIRS
 from sfkit.bank.rendered import METRIC, benchmark, benchmarks, held_out
-from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
+from sfkit.datasets.synthetic.domains import BASE, BENCHMARK_PAIRS, VALIDATION, domains
 from sfkit.evaluation import EvaluationStore, score_recipes
 from sfkit.merging import Pool, Recipe
 
@@ -42,15 +42,23 @@ class BankScores:
 
 
 def bank_scores(
-    pool: Pool, folder: Path, *, store: EvaluationStore | None = None, held_out_pairs: int = HELD_OUT_PAIRS
+    pool: Pool, folder: Path, *, store: EvaluationStore | None = None, pairs: int | None = None
 ) -> BankScores:
-    """Score the bank in ``folder`` (where its ``trainings.json`` lies), open as ``pool``, on everything."""
+    """Score the bank in ``folder`` (where its ``trainings.json`` lies), open as ``pool``.
+
+    All benchmarks and 24 held-out pairs a domain; with ``pairs``, only the first so many of each.
+    """
     recipes = network_recipes(pool)
-    marked = score_recipes(pool, recipes, [benchmark(name) for name in benchmarks()], store=store)
+    marked = score_recipes(
+        pool,
+        recipes,
+        [benchmark(name).first(pairs or BENCHMARK_PAIRS) for name in benchmarks()],
+        store=store,
+    )
     own = score_recipes(
         pool,
         recipes,
-        [held_out(name, held_out_pairs) for name in domains()],
+        [held_out(name, pairs or HELD_OUT_PAIRS) for name in domains()],
         metrics=(METRIC, "epe"),
         store=store,
     )
