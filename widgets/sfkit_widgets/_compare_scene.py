@@ -18,7 +18,7 @@ from sfkit.figures.differences import ADVANTAGE_SPAN
 
 NO_VALUE, NOT_FINITE = 0, 65535
 LOWEST, HIGHEST = 1, 65534
-REACH = 4.0  # values further from the colour range than so many of its widths are cut off
+REACH = 256.0  # pixels beyond the colour range; values further away are cut off, and shown as cut off
 HATCH_SIDE = 8
 PHOTOGRAPH_QUALITY = 90
 
@@ -34,19 +34,21 @@ class Coding:
 
     offset: float
     step: float
+    below: bool = False  # whether code 1 also stands for lower values
+    above: bool = False  # whether code 65534 also stands for higher values
 
     @classmethod
     def of(cls, panels: DisparityPanels) -> Coding:
-        """Fine enough for the values there are: at most 1/60 000 of their range."""
+        """As fine as the range of the values allows, whose ends are cut off at :data:`REACH`."""
         low, high = panels.limits
-        reach = REACH * (high - low)
         maps = [panels.truth, *(network.disparity for network in panels.networks)]
         known = [map_[np.isfinite(map_)] for map_ in maps]
         bottom = min(float(values.min()) for values in known if values.size)
         top = max(float(values.max()) for values in known if values.size)
-        offset = max(bottom, low - reach)
-        span = max(min(top, high + reach) - offset, high - low)
-        return cls(offset, span / (HIGHEST - LOWEST))
+        offset = max(bottom, low - REACH)
+        end = min(top, high + REACH)
+        step = max(end - offset, high - low) / (HIGHEST - LOWEST)
+        return cls(offset, step, below=bottom < offset, above=top > end)
 
     def codes(self, map_: Map, *, missing: int) -> NDArray[np.uint16]:
         """(H, W) codes of disparities in pixels; what is not finite becomes ``missing``."""
@@ -71,6 +73,7 @@ def scene(panels: DisparityPanels) -> dict[str, Any]:
         "height": height,
         "offset": coding.offset,
         "step": coding.step,
+        "cut": [coding.below, coding.above],
         "limits": list(panels.limits),
         "threshold": panels.threshold,
         "left": _photograph(panels.left),

@@ -56,6 +56,16 @@ export function disparityOf(code, coding) {
 }
 
 /**
+ * A sign before the values of a code that also stands for what lies beyond it.
+ * @param {number} code
+ * @param {{cut: boolean[]}} coding
+ */
+export function cutOff(code, { cut: [below, above] }) {
+  if (below && code === 1) return "≤ ";
+  return above && code === CODES - 2 ? "≥ " : "";
+}
+
+/**
  * Absolute error in pixels of two codes: NaN without ground truth, Infinity without a finite prediction.
  * @param {number} code
  * @param {number} truth

@@ -3,6 +3,7 @@
 import {
   codesOf,
   colourTable,
+  cutOff,
   disparityColours,
   disparityOf,
   errorColours,
@@ -20,7 +21,7 @@ import { imageUrl } from "./_shared.js";
 /** @typedef {{name: string, score: string, map: DataView, against: {fixed: number, broken: number}[],
  *   regions: Region[]}} SceneNetwork */
 /** @typedef {{benchmark: string, protocol: string, pair: string, width: number, height: number,
- *   offset: number, step: number, limits: number[], threshold: number, left: DataView, truth: DataView,
+ *   offset: number, step: number, cut: boolean[], limits: number[], threshold: number, left: DataView, truth: DataView,
  *   networks: SceneNetwork[]}} Scene */
 
 export class Pictures {
@@ -105,8 +106,9 @@ export class Pictures {
       truth: disparityOf(truth, this.scene),
       networks: this.maps.map((map, number) => {
         const error = errorOf(map[at], truth, step);
+        const disparity = disparityOf(map[at], this.scene);
         const same = number === reference || (error === Infinity && other === Infinity);
-        return { disparity: disparityOf(map[at], this.scene), error, against: same ? 0 : error - other };
+        return { disparity, cut: cutOff(map[at], this.scene), error, against: same ? 0 : error - other };
       }),
     };
   }

@@ -22,9 +22,8 @@ export function fillValues(table, pictures, cursor, reference) {
   const rows = networks.map(({ name }, number) => {
     const values = found?.networks[number];
     const cells = values
-      ? [pixelText(values.disparity), pixelText(values.error), pixelText(values.against, true)]
+      ? [disparityText(values), errorText(values), pixelText(values.against, true)]
       : ["", "", ""];
-    if (values && Number.isNaN(values.disparity)) cells[0] = "not finite";
     return element(
       "tr",
       {},
@@ -55,6 +54,16 @@ export function fillValues(table, pictures, cursor, reference) {
   );
 }
 
+/** @param {{disparity: number, cut: string}} values */
+function disparityText({ disparity, cut }) {
+  return Number.isNaN(disparity) ? "not finite" : cut + pixelText(disparity);
+}
+
+/** @param {{error: number, cut: string}} values an error of a value that was cut off is larger */
+function errorText({ error, cut }) {
+  return (cut && Number.isFinite(error) ? "≥ " : "") + pixelText(error);
+}
+
 /**
  * The same in one sentence, for the live region.
  * @param {Pictures} pictures
@@ -63,10 +72,10 @@ export function fillValues(table, pictures, cursor, reference) {
  */
 export function valuesText(pictures, cursor, reference) {
   const { truth, networks } = pictures.values(cursor[0], cursor[1], reference);
-  const said = networks.map(({ disparity, error }, number) => {
-    const seen = Number.isNaN(disparity) ? "not finite" : `${pixelText(disparity)} px`;
-    const wrong = Number.isFinite(error) ? `, error ${pixelText(error)} px` : "";
-    return `${pictures.scene.networks[number].name} ${seen}${wrong}`;
+  const said = networks.map((values, number) => {
+    const { name } = pictures.scene.networks[number];
+    if (!Number.isFinite(values.error)) return `${name} ${disparityText(values)}`;
+    return `${name} ${disparityText(values)} px, error ${errorText(values)} px`;
   });
   const known = Number.isNaN(truth) ? "no ground truth" : `ground truth ${pixelText(truth)} px`;
   return `x ${cursor[0]}, y ${cursor[1]}: ${known}; ${said.join("; ")}`;

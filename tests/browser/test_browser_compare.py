@@ -1,0 +1,361 @@
+"""DisparityCompare on a bare page: its colours are the figures', and mouse and keyboard do what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from browser_compare import HEIGHT, HOLE, WIDTH, panels, widget
+from browser_stage import Stage
+from numpy.typing import NDArray
+from sfkit_widgets._compare_scene import scene
+from sfkit_widgets.disparity_compare import DisparityCompare
+
+from sfkit.analysis.differences import advantage
+from sfkit.figures.colours import DISPARITY, ERROR, ERROR_SPAN, error_position, hatch, paint
+from sfkit.figures.differences import ADVANTAGE_SPAN
+
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Stage]
+KEPT = ".sfkit[data-kept='true']"
+# The colours of a panel at the centres of the image's pixels; it shows the whole image.
+COLOURS = f"""(canvas) => {{
+    const context = canvas.getContext("2d");
+    const {{ data }} = context.getImageData(0, 0, canvas.width, canvas.height);
+    const found = [];
+    for (let y = 0; y < {HEIGHT}; y += 1) {{
+        for (let x = 0; x < {WIDTH}; x += 1) {{
+            const column = Math.floor((x + 0.5) * canvas.width / {WIDTH});
+            const row = Math.floor((y + 0.5) * canvas.height / {HEIGHT});
+            const at = 4 * (row * canvas.width + column);
+            found.push(data[at], data[at + 1], data[at + 2]);
+        }}
+    }}
+    return found;
+}}"""
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> DisparityCompare:
+    """For its state alone; the scene of the hand-made pair takes the place of its own."""
+    return widget(tmp_path_factory.mktemp("compare"))
+
+
+@pytest.fixture
+def shown(stage: Open, tiny: DisparityCompare) -> Callable[..., Stage]:
+    """The hand-made pair, without a kernel: ``shown(width=800, shown="error")``."""
+
+    def show(width: int = 1280, *, dark: bool = False, **state: object) -> Stage:
+        opened = stage(width=width, dark=dark)
+        held = {"scene": scene(panels()), "first": "shift", "second": "lumpy", "pairs": ["ramp", "other"]}
+        opened.show_state(tiny, **{**held, **state})
+        drawn(opened)
+        return opened
+
+    return show
+
+
+def drawn(opened: Stage) -> None:
+    """Wait until the next frame after this one is drawn; the photograph is decoded."""
+    opened.page.wait_for_function(
+        "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
+    )
+
+
+def colours(opened: Stage, key: str) -> NDArray[np.uint8]:
+    found = opened.page.locator(f"canvas[data-panel='{key}']").evaluate(COLOURS)
+    return np.array(found, np.uint8).reshape(HEIGHT, WIDTH, 3)
+
+
+def assert_same(found: NDArray[np.uint8], expected: NDArray[np.uint8]) -> None:
+    """Equal but for a neighbouring entry of the colour table, where quantising crosses between two."""
+    assert np.abs(found.astype(int) - expected.astype(int)).max() <= 5
+
+
+def drag(opened: Stage, key: str, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """Between two places of a panel, in shares of its size."""
+    box = opened.page.locator(f"canvas[data-panel='{key}']").bounding_box()
+    assert box is not None
+    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in (start, end)]
+    mouse = opened.page.mouse
+    mouse.move(*places[0])
+    mouse.down()
+    mouse.move(*places[1], steps=4)
+    mouse.up()
+    drawn(opened)
+
+
+def values(opened: Stage) -> dict[str, list[str]]:
+    """The table of values: row -> cells."""
+    rows = opened.root.locator("tbody tr").all()
+    return {row.locator("th").inner_text(): row.locator("td").all_inner_texts() for row in rows}
+
+
+def looks(opened: Stage) -> dict[str, Any]:
+    """What a saved notebook's widget would have told Python, all looks in one."""
+    told: dict[str, Any] = {}
+    opened.page.wait_for_function("() => window.model.messages.some((m) => m.command === 'look')")
+    for message in opened.messages():
+        told |= message["arguments"]
+    return told
+
+
+def test_disparities_have_the_figures_colours(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    assert_same(colours(opened, "truth"), paint(panels().truth, (2.0, 20.0), DISPARITY))
+    for number, network in enumerate(panels().networks):
+        seen = np.where(np.isfinite(network.disparity), network.disparity, np.nan)
+        assert_same(colours(opened, f"network {number}"), paint(seen, (2.0, 20.0), DISPARITY))
+
+
+def test_no_truth_is_hatched_and_not_zero(shown: Callable[..., Stage]) -> None:
+    opened = shown(limits=[0.0, 20.0])
+    np.testing.assert_array_equal(colours(opened, "truth")[:, :HOLE], hatch(HEIGHT, WIDTH)[:, :HOLE])
+
+
+def test_errors_have_the_figures_colours(shown: Callable[..., Stage]) -> None:
+    opened = shown(shown="error")
+    for number, network in enumerate(panels().networks):
+        position = np.where(np.isnan(network.error), np.nan, error_position(network.error, 1.0))
+        expected = paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
+        assert_same(colours(opened, f"network {number}"), expected)
+
+
+def test_better_is_blue_and_worse_orange_against_a(shown: Callable[..., Stage]) -> None:
+    opened = shown(shown="better")
+    reference, *others = panels().networks
+    for number, network in enumerate(others, start=1):
+        found = advantage(reference.error, network.error, 1.0)
+        assert_same(
+            colours(opened, f"network {number}"),
+            paint(found.difference, (-ADVANTAGE_SPAN, ADVANTAGE_SPAN), ERROR),
+        )
+    captions = opened.root.locator("figure[data-panel='network 1'] figcaption").inner_text()
+    assert captions == "lumpy: better where\nagainst shift: 0.0 % fixed, 10.0 % broken"
+    assert "shift: error" in opened.root.locator("figure[data-panel='network 0']").inner_text()
+
+
+def test_all_panels_zoom_at_the_mouse(shown: Callable[..., Stage]) -> None:
+    opened = shown(shown="error")
+    panel = opened.page.locator("canvas[data-panel='network 1']")
+    box = panel.bounding_box()
+    assert box is not None
+    # Over the lump, at column 36.5 and row 10.5 of the image.
+    place = {"x": box["width"] * 36.5 / WIDTH, "y": box["height"] * 10.5 / HEIGHT}
+    panel.click(position=place)
+    for _ in range(5):
+        opened.page.mouse.wheel(0, -120)
+    drawn(opened)
+    camera = looks(opened)["camera"]
+    assert camera["zoom"] == pytest.approx(1.25**10)
+    assert camera["x"] + (36.5 / WIDTH - 0.5) * WIDTH / camera["zoom"] == pytest.approx(36.5, abs=0.1)
+    # Every panel now shows the inside of the lump alone; the cursor is in the middle rows.
+    even, lump = (colours(opened, f"network {number}")[:5] for number in (0, 1))
+    assert len(np.unique(even.reshape(-1, 3), axis=0)) == 1
+    assert (even[..., 2] > even[..., 0]).all()
+    assert (lump[..., 0] > lump[..., 2]).all()
+
+
+def test_the_wheel_scrolls_the_notebook_until_a_panel_is_clicked(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    opened.page.locator("canvas[data-panel='truth']").hover()
+    opened.page.mouse.wheel(0, -120)
+    drawn(opened)
+    assert opened.root.locator("output").inner_text() == "100 %"
+
+
+def test_dragging_pans_within_the_image(shown: Callable[..., Stage]) -> None:
+    opened = shown(camera={"x": 24, "y": 12, "zoom": 4})
+    drag(opened, "truth", (0.5, 0.5), (0.75, 0.5))
+    assert looks(opened)["camera"]["x"] == pytest.approx(24 - WIDTH / 4 / 4, abs=0.1)
+    drag(opened, "left", (0.1, 0.5), (0.9, 0.5))
+    drag(opened, "left", (0.1, 0.5), (0.9, 0.5))
+    np.testing.assert_array_equal(colours(opened, "truth")[:, 0], colours(opened, "truth")[:, 1])
+
+
+def test_values_under_the_mouse(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    panel = opened.page.locator("canvas[data-panel='left']")
+    box = panel.bounding_box()
+    assert box is not None
+    panel.hover(position={"x": box["width"] * 35.5 / WIDTH, "y": box["height"] * 10.5 / HEIGHT})
+    drawn(opened)
+    truth = panels().truth[10, 35]
+    assert opened.root.locator("caption").inner_text() == "Values in px at the cursor: x 35, y 10"
+    assert values(opened) == {
+        "ground truth": [f"{truth:.2f}", "", ""],
+        "shift": [f"{truth + 0.5:.2f}", "0.50", "0.00"],
+        "lumpy": [f"{truth + 7:.2f}", "7.00", "+6.50"],
+        "<i>broken</i>": [f"{truth:.2f}", "0.00", "−0.50"],
+    }
+
+
+def test_values_where_there_are_none(shown: Callable[..., Stage]) -> None:
+    opened = shown(cursor=[3, 0])
+    assert values(opened)["ground truth"][0] == "none"
+    assert values(opened)["shift"] == ["3.50", "none", "0.00"]
+    corner = shown(cursor=[WIDTH - 1, 0])
+    assert values(corner)["<i>broken</i>"] == ["not finite", "not finite", "not finite"]
+
+
+def test_everything_by_keyboard(shown: Callable[..., Stage]) -> None:
+    opened = shown(cursor=[20, 10])
+    press = opened.page.keyboard.press
+    opened.root.get_by_role("application").focus()
+    for key in ("ArrowRight", "Shift+ArrowRight", "ArrowUp", "2", "+", "+"):
+        press(key)
+    opened.page.wait_for_function("() => document.querySelector('[aria-live]').textContent.includes('x 31')")
+    said = opened.root.locator("[aria-live]").inner_text()
+    assert said.startswith(f"x 31, y 9: ground truth {panels().truth[9, 31]:.2f} px; shift ")
+    told = looks(opened)
+    assert (told["cursor"], told["shown"], told["camera"]["zoom"]) == ([31, 9], "error", 1.5625)
+    press("n")
+    drawn(opened)
+    assert opened.root.locator("caption").inner_text().endswith("x 35, y 10")
+    press("0")
+    drawn(opened)
+    assert opened.root.locator("output").inner_text() == "100 %"
+
+
+def test_the_view_follows_the_cursor(shown: Callable[..., Stage]) -> None:
+    opened = shown(cursor=[24, 12], camera={"x": 24, "y": 12, "zoom": 6})
+    opened.root.get_by_role("application").focus()
+    opened.page.keyboard.press("Shift+ArrowRight")
+    assert looks(opened)["camera"]["x"] == 34 + 1 - WIDTH / 6 / 2
+
+
+def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    (button,) = opened.root.locator("ol button").all()
+    mean = (95 * 5 + 7) / 96
+    assert button.inner_text() == f"96 px beyond 1: mean {mean:.2f}, worst 7.00"
+    button.click()
+    drawn(opened)
+    told = looks(opened)
+    assert told["cursor"] == [35, 10]
+    # 48 / 12 and 24 / 8 leave room for a zoom of 3 / 2.5; the centre as near (36, 10) as the edges let it.
+    assert told["camera"] == pytest.approx({"x": 28, "y": 10, "zoom": 1.2})
+    assert button.get_attribute("aria-pressed") == "true"
+    opened.root.get_by_label("Outlier regions (px) of B").select_option("shift")
+    opened.root.get_by_text("No region of 8 or more bad pixels.").wait_for()
+
+
+def test_a_swipe_shows_a_at_the_left_and_b_at_the_right(shown: Callable[..., Stage]) -> None:
+    opened = shown(arrangement="swipe", shown="error", divider=0.75)
+    drag(opened, "stage", (0.75, 0.9), (0.8, 0.9))
+    assert looks(opened)["divider"] == pytest.approx(0.8, abs=0.01)
+    both = colours(opened, "stage")
+    expected = [
+        paint(np.where(np.isnan(n.error), np.nan, error_position(n.error, 1.0)), (-3, 3), ERROR)
+        for n in panels().networks[:2]
+    ]
+    cut = round(0.8 * WIDTH)
+    clear = np.s_[:5, : cut - 1], np.s_[:5, cut + 2 :]  # off the cursor and the divider
+    assert_same(both[clear[0]], expected[0][clear[0]])
+    assert_same(both[clear[1]], expected[1][clear[1]])
+    opened.root.get_by_label("divider").fill("0.1")
+    drawn(opened)
+    np.testing.assert_array_equal(colours(opened, "stage")[:5, 10:], expected[1][:5, 10:])
+
+
+def test_blinking_by_hand(shown: Callable[..., Stage]) -> None:
+    opened = shown(arrangement="blink")
+    title = opened.root.locator("figure[data-panel='stage'] strong")
+    opened.page.wait_for_function(
+        "() => document.querySelector('[data-panel=stage] strong').textContent === 'B lumpy: disparity'"
+    )
+    opened.root.get_by_role("button", name="blink by itself").click()
+    drawn(opened)
+    before = title.inner_text()
+    opened.root.get_by_role("application").focus()
+    opened.page.keyboard.press("Space")
+    drawn(opened)
+    assert {before, title.inner_text()} == {"A shift: disparity", "B lumpy: disparity"}
+
+
+def test_who_wants_less_motion_is_not_blinked_at(stage: Open, tiny: DisparityCompare) -> None:
+    opened = stage()
+    opened.page.emulate_media(reduced_motion="reduce")
+    opened.show_state(tiny, arrangement="blink")
+    drawn(opened)
+    button = opened.root.get_by_role("button", name="blink by itself")
+    assert button.get_attribute("aria-pressed") == "false"
+
+
+def test_the_colour_range_is_shared_and_labelled(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    opened.root.get_by_label("highest disparity of the colours, px").fill("11")
+    opened.page.keyboard.press("Enter")
+    drawn(opened)
+    assert looks(opened)["limits"] == [2, 11]
+    assert_same(colours(opened, "truth"), paint(panels().truth, (2.0, 11.0), DISPARITY))
+    bar = opened.root.get_by_role("img", name="disparity (px): ≤ 2, 4.25, 6.5, 8.75, ≥ 11")
+    assert bar.count() == 1
+    opened.root.get_by_label("lowest disparity of the colours, px").fill("30")
+    opened.page.keyboard.press("Enter")
+    drawn(opened)
+    assert opened.root.get_by_label("lowest disparity of the colours, px").input_value() == "2"
+
+
+def test_another_pair_is_asked_of_python(stage: Open, tmp_path: Path) -> None:
+    opened, compare = stage(), widget(tmp_path)
+    opened.show(compare)
+    opened.root.get_by_role("combobox", name="pair").select_option("pair1")
+    opened.page.wait_for_selector(".sfkit[data-pair='pair1']")
+    opened.settled()
+    assert compare.scene["pair"] == "pair1"
+    opened.root.get_by_role("button", name="error", exact=True).click()
+    opened.page.wait_for_selector(KEPT)
+    assert compare.shown == "error"
+    compare.shown = "better"
+    opened.page.wait_for_selector("button[data-value='better'][aria-pressed='true']")
+
+
+def test_a_pair_that_fails_leaves_the_last_one(stage: Open, tmp_path: Path) -> None:
+    opened, compare = stage(), widget(tmp_path)
+    opened.show(compare)
+    (tmp_path / "pairs/pair1/left.png").unlink()
+    opened.root.get_by_role("button", name="next pair").click()
+    opened.root.get_by_role("alert").wait_for()
+    assert "left.png" in opened.root.get_by_role("alert").inner_text()
+    drawn(opened)
+    assert opened.root.get_by_role("combobox", name="pair").input_value() == "pair0"
+
+
+def test_a_saved_state_shows_and_can_be_explored_without_a_kernel(shown: Callable[..., Stage]) -> None:
+    opened = shown(camera={"x": 36, "y": 10, "zoom": 4}, cursor=[35, 10], shown="error")
+    assert opened.root.locator("output").inner_text() == "400 %"
+    assert values(opened)["lumpy"][1] == "7.00"
+    opened.root.get_by_role("button", name="zoom in").click()
+    drawn(opened)
+    assert opened.root.locator("output").inner_text() == "500 %"
+    assert {message["command"] for message in opened.messages()} <= {"look"}
+    assert opened.root.locator(".sfkit-waiting").is_hidden()
+
+
+@pytest.mark.parametrize("width", [1280, 800, 420])
+def test_nothing_is_wider_than_its_place(shown: Callable[..., Stage], width: int) -> None:
+    opened = shown(width=width, dark=width == 800, shown="better")
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
+    assert opened.root.evaluate("(root) => root.scrollWidth <= root.clientWidth")
+
+
+def test_names_are_text(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    assert opened.root.locator("i:text('broken')").count() == 0
+
+
+def test_nothing_runs_on_when_it_is_closed(shown: Callable[..., Stage]) -> None:
+    opened = shown(arrangement="blink")
+    opened.page.evaluate("window.close()")
+    assert opened.page.evaluate("window.model.listening") == 0
+    opened.page.evaluate("window.seen = document.querySelector('[data-panel=stage] strong').textContent")
+    opened.root.get_by_role("button", name="swipe").click()
+    drawn(opened)
+    assert opened.root.locator("figure[data-panel='stage'] strong").inner_text() == opened.page.evaluate(
+        "window.seen"
+    )
