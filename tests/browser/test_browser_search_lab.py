@@ -1,0 +1,97 @@
+"""A search in JupyterLab: commanded while the kernel answers, watched from elsewhere, unharmed by reloads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import nbformat
+import pytest
+from browser_lab import Notebook
+
+pytestmark = pytest.mark.browser
+
+Opened = Callable[..., Notebook]
+CELLS = [
+    "from browser_search import subset_search\n"
+    "from sfkit_widgets import PopulationView, SearchControl\n"
+    "search, scorer = subset_search(journal='journal.jsonl')",
+    "control = SearchControl(search)\ncontrol",
+    "view = PopulationView(search)\nview",
+]
+WATCH = ["import sfkit_widgets\nwatched = sfkit_widgets.watch('.')\nwatched"]
+
+
+def press(notebook: Notebook, name: str) -> None:
+    """Click a button of the control; its command is acknowledged."""
+    notebook.page.locator(".sfkit-control").get_by_role("button", name=name).click()
+    notebook.settled()
+
+
+def wait_for_phase(notebook: Notebook, phase: str) -> None:
+    notebook.page.wait_for_selector(f".sfkit-control-phase[data-phase='{phase}']")
+
+
+def wait_for_generation(notebook: Notebook, generation: int) -> None:
+    """Until both widgets show it."""
+    shown = f".sfkit-control [data-figure='generation']:text-is('{generation} of 5')"
+    notebook.page.wait_for_selector(shown)
+    notebook.page.wait_for_selector(f".sfkit-population-which:has-text('{generation} of {generation}')")
+
+
+def pass_gate(notebook: Notebook, generations: int = 1) -> None:
+    """Let generations pass, by asking the kernel, which answers while the search runs."""
+    assert notebook.evaluate(f"scorer.open({generations})") is None
+
+
+def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -> None:
+    notebook = lab("search/control.ipynb", CELLS)
+    notebook.run_all()
+    press(notebook, "One step")
+    wait_for_phase(notebook, "running")
+    assert notebook.evaluate("6 * 7") == 42
+    pass_gate(notebook)
+    wait_for_phase(notebook, "paused")
+    wait_for_generation(notebook, 0)
+
+    press(notebook, "Run")
+    wait_for_phase(notebook, "running")
+    pass_gate(notebook)
+    wait_for_generation(notebook, 1)
+    notebook.command("notebook:interrupt-kernel")
+    pass_gate(notebook)
+    wait_for_generation(notebook, 2)
+
+    press(notebook, "Pause")
+    wait_for_phase(notebook, "pausing")
+    pass_gate(notebook)
+    wait_for_phase(notebook, "paused")
+    notebook.theme("JupyterLab Dark")
+    notebook.page.wait_for_selector(".sfkit-population[data-theme='dark']")
+
+    elsewhere = lab("search/watch.ipynb", WATCH)
+    elsewhere.run_all()
+    wait_for_generation(elsewhere, 3)
+    assert elsewhere.page.locator(".sfkit-control-buttons").is_hidden()
+
+    notebook.save()
+    notebook.reload()
+    wait_for_generation(notebook, 3)
+    press(notebook, "One step")
+    pass_gate(notebook)
+    wait_for_phase(notebook, "paused")
+    wait_for_generation(notebook, 4)
+    wait_for_generation(elsewhere, 4)
+
+    press(notebook, "Stop")
+    wait_for_phase(notebook, "stopped")
+    elsewhere.page.wait_for_selector(".sfkit-control-phase[data-phase='stopped']")
+    press(notebook, "Run")
+    pass_gate(notebook, 10)
+    wait_for_phase(notebook, "finished")
+    wait_for_generation(notebook, 5)
+    assert notebook.evaluate("[search.done, control.error, view.error]") == [True, "", ""]
+    saved = nbformat.read(notebook.save(), as_version=4)
+    states = saved.metadata["widgets"]["application/vnd.jupyter.widget-state+json"]["state"].values()
+    phases = [state["state"]["progress"]["phase"] for state in states if "progress" in state["state"]]
+    assert phases == ["finished"]
+    assert [1 for state in states if "evolution" in state["state"] and state["state"]["evolution"]] == [1]
