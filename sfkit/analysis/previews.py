@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from dataclasses import dataclass
@@ -65,7 +66,6 @@ class PairPreview:
         self._model = LiveModel(evaluator.pool, device=evaluator.device)
         self._busy = threading.Lock()
         self._reduced: dict[int, PreparedPair] = {}
-        self._full_seconds = 0.0
         self.choose(pair or evaluator.benchmark.ids[0])
 
     @property
@@ -95,20 +95,22 @@ class PairPreview:
             self.truth = np.where(counted, self.sample.disparity, np.float32(np.nan))
             self.limits = disparity_limits(self.truth)
             self._reduced.clear()
+            self._full_seconds = math.inf
 
     def look(self, recipe: Recipe) -> PairLook:
         """The recipe at full size, with its score."""
         with self._busy:
             started = time.perf_counter()
             prediction = self._predict(recipe, self.evaluator.prepared.pair(self._number))
-            seconds = self._full_seconds = time.perf_counter() - started
+            seconds = time.perf_counter() - started
+            self._full_seconds = min(self._full_seconds, seconds)  # others may have used the machine, too
             errors = self.evaluator.prepared.errors(self.sample, prediction)
             score = errors.value(self.evaluator.metric)
             return PairLook(prediction, error_map(prediction, self.truth), score, 1, seconds)
 
     def quick_look(self, recipe: Recipe) -> PairLook:
         """The recipe at a size that takes about ``QUICK_SECONDS``: the full one where that is quick."""
-        reduction = reduction_for(self._full_seconds)
+        reduction = reduction_for(self._full_seconds) if math.isfinite(self._full_seconds) else 1
         if reduction == 1:
             return self.look(recipe)
         with self._busy:

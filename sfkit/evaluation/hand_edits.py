@@ -34,6 +34,13 @@ class SeenByHand:
         )
 
 
+def pairs_in_common(benchmark: Benchmark, reported: Sequence[Benchmark]) -> dict[str, tuple[str, ...]]:
+    """Reported benchmark -> ids of its pairs that ``benchmark`` holds as well, where there are any."""
+    seen = {identity for pair in benchmark.pairs for identity in identities(pair)}
+    shared = {other.name: tuple(p.id for p in other.pairs if seen & identities(p)) for other in reported}
+    return {name: ids for name, ids in shared.items() if ids}
+
+
 def mark_hand_edit(store: EvaluationStore, key: str, benchmark: Benchmark) -> None:
     """Remember in the store that the evaluation ``key`` on a benchmark is of a recipe edited by hand."""
     seen = sorted(identity for pair in benchmark.pairs for identity in identities(pair))
