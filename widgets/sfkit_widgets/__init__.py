@@ -2,6 +2,7 @@
 
 from sfkit_widgets.disparity_compare import DisparityCompare
 from sfkit_widgets.population_view import PopulationView
+from sfkit_widgets.routing_inspector import RoutingInspector
 from sfkit_widgets.routing_view import RoutingView
 from sfkit_widgets.search_control import SearchControl
 from sfkit_widgets.watch import SearchWatch, watch
@@ -9,6 +10,7 @@ from sfkit_widgets.watch import SearchWatch, watch
 __all__ = [
     "DisparityCompare",
     "PopulationView",
+    "RoutingInspector",
     "RoutingView",
     "SearchControl",
     "SearchWatch",
