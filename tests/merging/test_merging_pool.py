@@ -78,6 +78,17 @@ def test_a_live_network_equals_one_loaded_from_the_merged_file(pool: Pool, tmp_p
     assert torch.allclose(live.disparity(left, right), expected.reshape(32, 64), atol=1e-5)
 
 
+@pytest.mark.parametrize(
+    ("name", "form"), [("m.safetensors", FileForm.SAFETENSORS), ("m.pth", FileForm.ORIGINAL)]
+)
+def test_a_merged_file_is_as_readable_as_any_other(
+    pool: Pool, tmp_path: Path, name: str, form: FileForm
+) -> None:
+    (tmp_path / "plain").touch()
+    written = save_merged(pool, pool.equal("a"), tmp_path / name, form=form)
+    assert written.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
 def test_the_merged_file_tells_its_origin(pool: Pool, tmp_path: Path) -> None:
     recipe = Recipe.weighted({"a": 0.25, "b": 0.75, "c": 0.0}, pool.blocks, scale=1.25)
     path = save_merged(pool, recipe, tmp_path / "merged.safetensors")
