@@ -1,0 +1,6 @@
+"""``python -m sfkit``: the command line."""
+
+from sfkit.cli import main
+
+if __name__ == "__main__":
+    main()
