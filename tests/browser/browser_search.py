@@ -16,17 +16,20 @@ WORTH = dict(zip(SOURCES, (3.0, 0.5, 7.0, 2.0, 1.0), strict=True))
 class GatedScorer:
     """Scores recipes by a formula, each call with a permit; ``broken`` makes it raise.
 
-    Subsets of four sources fail, so that a failure is always on show.
+    ``inside`` is set while a call waits. Subsets of four sources fail, so that a failure is always on show.
     """
 
     def __init__(self, permits: int = 0) -> None:
         self.gate = threading.Semaphore(permits)
+        self.inside = threading.Event()
         self.broken = False
 
     def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
         """One outcome a recipe, in order."""
+        self.inside.set()
         if not self.gate.acquire(timeout=600):
             raise TimeoutError("nobody opened the gate")
+        self.inside.clear()
         if self.broken:
             raise OSError("the disk is full")
         return [self.outcome(recipe) for recipe in recipes]

@@ -61,6 +61,7 @@ def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -
     pass_gate(notebook)
     wait_for_generation(notebook, 2)
 
+    assert notebook.evaluate("scorer.inside.wait(60)")
     press(notebook, "Pause")
     wait_for_phase(notebook, "pausing")
     pass_gate(notebook)

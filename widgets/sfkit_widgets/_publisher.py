@@ -43,7 +43,7 @@ class Publisher:
         while widgets := self._followed():
             for widget in widgets:
                 widget.refresh()
-            del widgets  # or the last ones would live on through this name
+            del widgets, widget  # or the last ones would live on through these names
             self._pulse.wait(PULSE)
 
     def _followed(self) -> list[Refreshing]:
