@@ -67,7 +67,7 @@ class PreparedBenchmark:
         if not doubts:
             return None
         name, found = next(iter(doubts.items()))
-        more = f" (as {len(doubts) - 1} of the other {len(self) - 1} pairs)" if len(doubts) > 1 else ""
+        more = f" (like {len(doubts) - 1} of the other {len(self) - 1})" if len(doubts) > 1 else ""
         return (
             f"benchmark {self.benchmark.name!r}: pair {name!r} looks wrong{more}: {'; '.join(found)}; "
             "sfkit data check looks at every pixel"

@@ -216,6 +216,7 @@ OTHERS = (
     _case("show-missing", "show nowhere.pth", "nowhere.pth", "no such file"),
     _case("show-ending", "show calib.txt", "calib.txt", "'.txt'"),
     _case("show-garbage", "show garbage.sqlite", "garbage.sqlite", "not a database"),
+    _case("show-empty", "show empty.sqlite", "empty.sqlite", "is empty"),
     _case("show-edited", "show edited-member.safetensors", "edited-member.safetensors", "base", "licence"),
     _case("show-lacks", "show lacks-entries.safetensors", "lacks-entries.safetensors", "pool"),
     _case("show-recipe", "show list.json", "list.json", "JSON list"),

@@ -180,6 +180,7 @@ def _files(world: Path) -> None:
     broken = {k: torch.full_like(v, torch.inf) if v.is_floating_point() else v for k, v in tensors.items()}
     save_file(broken, world / "infinite.safetensors", metadata=whole)
     (world / "garbage.sqlite").write_bytes(b"this is no database at all" * 100)
+    (world / "empty.sqlite").touch()
     with sqlite3.connect(world / "other.sqlite") as db:
         db.execute("CREATE TABLE notes (text TEXT)")
     db.close()

@@ -223,7 +223,7 @@ def test_exchanged_images_warn_once_for_the_benchmark(shell: Shell, world: Path)
         (pair / "kept.png").rename(pair / "right.png")
     _, errors = shell(f"evaluate pool {PAIRS} --all-subsets")
     (warning,) = [line for line in errors.splitlines() if line.startswith("warning: ")]
-    assert "'pair0' looks wrong (as 1 of the other 1 pairs)" in warning
+    assert "pair 'pair0' looks wrong (like 1 of the other 1)" in warning
     assert "left and right look exchanged" in warning
 
 

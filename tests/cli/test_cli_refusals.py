@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import subprocess
@@ -13,7 +12,7 @@ import pytest
 from cli_cases import CASES, Case
 from cli_world import make_world
 
-from sfkit.cli import main
+from sfkit.cli import main, options
 from sfkit.evaluation.engines.worker import Worker
 from sfkit.merging.live import LiveModel
 
@@ -27,12 +26,10 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def contents(folder: Path) -> dict[str, str]:
-    """Every path below a folder with the digest of what it holds."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-        for path in sorted(folder.rglob("*"))
-    }
+def contents(folder: Path) -> dict[str, tuple[int, int]]:
+    """Size and time of writing of every path below a folder."""
+    stats = {path: path.lstat() for path in sorted(folder.rglob("*"))}
+    return {str(path): (stat.st_size, stat.st_mtime_ns) for path, stat in stats.items()}
 
 
 def refusal(errors: str) -> str:
@@ -71,6 +68,29 @@ def test_bad_input_is_refused(
     for word in case.words:
         assert word in sentence
     assert contents(world) == before
+
+
+BEFORE_THE_POOL = (
+    "no-root", "metric", "protocol", "benchmark", "evaluate-nothing", "evaluate-empty", "evaluate-not-json",
+    "evaluate-device", "evaluate-out-ending", "evaluate-out-exists", "evaluate-store-garbage",
+    "evaluate-store-folder", "search-population", "search-generations", "search-start-alone", "search-out",
+    "search-kept", "search-store", "merge-nothing", "merge-two", "merge-negative", "merge-exists",
+    "merge-ending", "merge-folder", "merge-under-file",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BEFORE_THE_POOL)
+def test_arguments_and_outputs_are_checked_before_the_pool_is_opened(
+    name: str, world: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def opened(path: object) -> None:
+        raise AssertionError(f"{path} was opened although other input is bad")
+
+    monkeypatch.chdir(world)
+    monkeypatch.setattr(options, "open_pool", opened)
+    with pytest.raises(SystemExit, match=r"^2$"):
+        main(next(case for case in CASES if case.id == name).line.split())
+    refusal(capsys.readouterr().err)
 
 
 @pytest.mark.parametrize("name", ["pool-nan", "pairs-unequal"])
