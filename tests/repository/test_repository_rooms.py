@@ -29,6 +29,7 @@ ROOMS = (
     "demo",
     "__init__",
     "cli",
+    "__main__",
 )
 # Rooms that know less than all that stands left of them.
 NARROW = {
