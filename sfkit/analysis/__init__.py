@@ -1,7 +1,13 @@
 """Analysis: numbers for people to look at, as frozen records made by functions."""
 
 from sfkit.analysis.costs import StageCost, cost_table, stage_costs
-from sfkit.analysis.differences import Advantage, OutlierRegion, advantage, outlier_regions
+from sfkit.analysis.differences import (
+    Advantage,
+    OutlierRegion,
+    advantage,
+    advantage_table,
+    outlier_regions,
+)
 from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_panels
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
@@ -17,6 +23,7 @@ __all__ = [
     "ScoreGrid",
     "StageCost",
     "advantage",
+    "advantage_table",
     "contenders",
     "cost_table",
     "disparity_panels",

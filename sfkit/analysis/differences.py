@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from sfkit.analysis.disparities import Map
-from sfkit.errors import InputError
+from sfkit.analysis.disparities import Comparison, Map
+from sfkit.errors import InputError, unknown_name
 
 Pixels = tuple[NDArray[np.intp], ...]  # rows and columns
 
@@ -97,6 +98,29 @@ def advantage(reference: Map, network: Map, threshold: float) -> Advantage:
     fixed = 100.0 * np.count_nonzero(before & ~after) / total
     broken = 100.0 * np.count_nonzero(after & ~before) / total
     return Advantage(np.asarray(difference, dtype=np.float32), fixed, broken)
+
+
+def advantage_table(comparison: Comparison, reference: str, network: str) -> pd.DataFrame:
+    """What ``network`` fixes and breaks against ``reference`` on every pair of a benchmark, in percent.
+
+    One row a pair, indexed by its id, where the network gains most first: ``fixed`` and ``broken`` as in
+    :class:`Advantage`, and ``change``, their difference, negative where the network is better.
+
+    Raises:
+        InputError: a name the comparison does not have, or a pair that cannot be scored.
+    """
+    names = list(comparison.networks)
+    for name in (reference, network):
+        if name not in names:
+            raise unknown_name("network", name, names)
+    rows = {}
+    for pair in comparison.pairs:
+        panels = comparison.panels(pair)
+        before, after = (panels.networks[names.index(name)].error for name in (reference, network))
+        found = advantage(before, after, panels.threshold)
+        rows[pair] = {"fixed": found.fixed, "broken": found.broken, "change": found.broken - found.fixed}
+    table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(index="pair")
+    return table.sort_values("change", kind="stable")
 
 
 def outlier_regions(error: Map, threshold: float, *, most: int = 12) -> tuple[OutlierRegion, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
+from tiny import write_pairs, write_pool
 
-from sfkit.analysis.differences import advantage, outlier_regions
-from sfkit.analysis.disparities import error_map
+from sfkit.analysis.differences import advantage, advantage_table, outlier_regions
+from sfkit.analysis.disparities import Comparison, error_map
+from sfkit.datasets.benchmark import open_benchmark
 from sfkit.errors import InputError
+from sfkit.evaluation import Evaluator
 from sfkit.evaluation.metrics import bad
+from sfkit.merging import open_pool
 
 
 def flat(height: int = 60, width: int = 100) -> NDArray[np.float32]:
@@ -118,3 +123,19 @@ def test_a_broken_prediction_is_one_infinite_region() -> None:
 def test_a_threshold_is_above_zero() -> None:
     with pytest.raises(InputError, match=r"threshold: found 0\.0, expected more than 0 pixels"):
         outlier_regions(flat(), 0.0)
+
+
+def test_the_table_agrees_with_the_metric_on_every_pair(tmp_path: Path) -> None:
+    pool = open_pool(write_pool(tmp_path / "pool", sources=2))
+    benchmark = open_benchmark("pairs", write_pairs(tmp_path / "pairs"), metric="bad-2.0")
+    recipes = {"base": pool.base_recipe(), "uniform": pool.uniform()}
+    comparison = Comparison(pool, recipes, benchmark)
+    table = advantage_table(comparison, "base", "uniform")
+    assert sorted(table.index) == ["pair0", "pair1"]
+    assert table["change"].is_monotonic_increasing
+    evaluations = Evaluator(pool, benchmark).evaluate(list(recipes.values()))
+    for number, pair in enumerate(benchmark.ids):
+        base, uniform = (evaluation.images[number].value("bad-2.0") for evaluation in evaluations)
+        assert table.loc[pair, "change"] == pytest.approx(uniform - base)
+    with pytest.raises(InputError, match=r"unknown network 'uniforme'.*did you mean 'uniform'"):
+        advantage_table(comparison, "base", "uniforme")

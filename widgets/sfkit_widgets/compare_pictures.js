@@ -44,18 +44,20 @@ export class Pictures {
     /** @type {Map<string, {look: string, canvas: HTMLCanvasElement}>} */
     this.painted = new Map();
     this.disparities = { look: "", colours: new Uint32Array(0) };
-    this.left = new Image();
+    /** The left image; null until it is decoded.
+     * @type {HTMLCanvasElement | null} */
+    this.photograph = null;
+    const image = new Image();
     const url = imageUrl(scene.left, "image/jpeg");
-    this.left.onload = () => {
+    image.onload = () => {
+      // A canvas, so that no frame decodes it again.
+      this.photograph = document.createElement("canvas");
+      Object.assign(this.photograph, { width: scene.width, height: scene.height });
+      this.photograph.getContext("2d")?.drawImage(image, 0, 0);
       URL.revokeObjectURL(url);
       loaded();
     };
-    this.left.src = url;
-  }
-
-  /** The photograph; null until it is decoded. */
-  photograph() {
-    return this.left.complete && this.left.naturalWidth ? this.left : null;
+    image.src = url;
   }
 
   /** @param {number[]} limits */

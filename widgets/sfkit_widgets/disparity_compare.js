@@ -239,11 +239,11 @@ class Compare {
   }
 
   left() {
-    return { title: "left image", note: "", pictures: [this.pictures.photograph()] };
+    return { title: "left image", note: "", pictures: [this.pictures.photograph] };
   }
 
   truth() {
-    const note = `${this.pictures.scene.protocol}; hatched: none`;
+    const note = `${this.pictures.scene.protocol}; hatched: no value`;
     return { title: "ground truth", note, pictures: [this.pictures.groundTruth(this.limits())] };
   }
 
