@@ -1,0 +1,90 @@
+"""Recorded results: run a section's measurements and write them into ``docs/results.md``.
+
+    python benchmarks/results.py --list
+    python benchmarks/results.py bigpool
+    python benchmarks/results.py                    # all of them, one after the other
+
+To add a section, add ``benchmarks/sections/NAME.py`` with a docstring and ``section() -> str``: Markdown that
+begins with a ``## `` heading and says which commands it ran. Underscores in the file's name are hyphens in
+the section's. Nothing else needs to know of it: date, machine and command are added here, and the text
+between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` is replaced, or added at the end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from processes import machine
+
+HERE = Path(__file__).parent
+RESULTS = HERE.parent / "docs" / "results.md"
+PREAMBLE = """# Measured results
+
+Every section was written by the command it names, on the machine it names; none is edited by hand.
+"""
+
+
+def names() -> list[str]:
+    """The sections there are."""
+    return sorted(path.stem.replace("_", "-") for path in (HERE / "sections").glob("[a-z]*.py"))
+
+
+def made(name: str, body: str) -> str:
+    """A section with its origin: date, command and size of the machine."""
+    size = machine()
+    origin = (
+        f"Measured {datetime.now(UTC):%Y-%m-%d} by `python benchmarks/results.py {name}` on {size['cores']} "
+        f"cores and {size['memory_gb']} GiB of memory, torch {size['torch']}, {size['threads']} threads "
+        "unless said otherwise."
+    )
+    return f"{body.strip()}\n\n{origin}"
+
+
+def replaced(document: str, name: str, text: str) -> str:
+    """The document with a section's text between its markers, which are added at the end if need be."""
+    begin, end = f"<!-- begin {name} -->", f"<!-- end {name} -->"
+    block = f"{begin}\n{text.strip()}\n{end}"
+    pattern = re.compile(f"{re.escape(begin)}.*?{re.escape(end)}", re.DOTALL)
+    if pattern.search(document):
+        return pattern.sub(lambda _: block, document)
+    return f"{document.rstrip()}\n\n{block}\n"
+
+
+def record(name: str, path: Path = RESULTS) -> None:
+    """Run a section's measurements and write them.
+
+    Args:
+        name: one of :func:`names`.
+        path: the document; it comes into being with the first section.
+    """
+    text = made(name, importlib.import_module(f"sections.{name.replace('-', '_')}").section())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    document = path.read_text(encoding="utf-8") if path.is_file() else PREAMBLE
+    path.write_text(replaced(document, name, text), encoding="utf-8")
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Record the sections named, or all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("section", nargs="*", help="which, all without one")
+    parser.add_argument("--list", action="store_true", help="print the sections' names")
+    options = parser.parse_args(arguments)
+    known = names()
+    unknown = [name for name in options.section if name not in known]
+    if unknown:
+        parser.error(f"unknown section {unknown[0]!r}, expected one of: {', '.join(known)}")
+    if options.list:
+        print("\n".join(known))
+        return
+    for name in options.section or known:
+        record(name)
+        print(f"wrote section {name} of {RESULTS.name}")
+
+
+if __name__ == "__main__":
+    main()

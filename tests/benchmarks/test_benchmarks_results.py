@@ -1,0 +1,142 @@
+"""Recorded results: a section's text takes the place between its markers, and nothing else moves."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+import re
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def results() -> Iterator[ModuleType]:
+    """``benchmarks/results.py``, importable as the scripts there import each other."""
+    before = set(sys.modules)
+    sys.path.insert(0, str(FOLDER))
+    yield importlib.import_module("results")
+    sys.path.remove(str(FOLDER))
+    for name in set(sys.modules) - before:
+        origin = getattr(sys.modules[name], "__file__", None) or ""
+        if origin.startswith(str(FOLDER)):
+            del sys.modules[name]
+
+
+def test_every_section_can_be_found_and_has_its_parts(results: ModuleType) -> None:
+    names = results.names()
+    assert {"anynet-speed", "bigpool", "foundation-stereo-speed", "nmrf-pool", "nmrf-speed"} <= set(names)
+    for name in names:
+        module = importlib.import_module(f"sections.{name.replace('-', '_')}")
+        assert callable(module.section), name
+        assert module.__doc__, name
+
+
+def test_a_section_replaces_itself_alone(results: ModuleType) -> None:
+    first = results.replaced("# Title\n", "one", "## One\n\nold \\1 text")
+    both = results.replaced(first, "two", "## Two")
+    assert results.replaced(both, "one", "## One\n\nnew \\g<0> text") == (
+        "# Title\n\n<!-- begin one -->\n## One\n\nnew \\g<0> text\n<!-- end one -->\n\n"
+        "<!-- begin two -->\n## Two\n<!-- end two -->\n"
+    )
+
+
+def test_a_record_says_when_how_and_on_what_but_not_where(
+    results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = importlib.import_module("sections.anynet_speed")
+    row = {"height": 16, "width": 32, "threads": 1, "plain_ms": 9.04, "fast_ms": 3.0, "ratio": 3.013}
+    monkeypatch.setattr(module, "call", lambda *_: [row])
+    results.record("anynet-speed", tmp_path / "docs" / "results.md")
+    written = (tmp_path / "docs" / "results.md").read_text()
+    assert written.startswith(results.PREAMBLE)
+    assert "| 16 x 32 | 1 | 9.0 | 3.0 | 3.01 |" in written
+    assert re.search(r"Measured 20\d\d-\d\d-\d\d by `python benchmarks/results.py anynet-speed`", written)
+    assert f"on {os.cpu_count()} cores and " in written
+    assert os.uname().nodename not in written
+    assert str(Path.home()) not in written
+
+
+def test_an_unknown_section_is_refused_before_any_is_measured(
+    results: ModuleType, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorded: list[Any] = []
+    monkeypatch.setattr(results, "record", recorded.append)
+    with pytest.raises(SystemExit):
+        results.main(["bigpool", "bigpol"])
+    assert "unknown section 'bigpol', expected one of: anynet-speed" in capsys.readouterr().err
+    assert recorded == []
+
+
+def test_pool_rows_become_a_table(results: ModuleType) -> None:
+    bigpool = importlib.import_module("bigpool")
+    rows = [
+        {"sources": 3, "step": "merge", "equal_seconds": 0.1234, "routed_seconds": 0.5, "bytes_read": 7}
+        | {"anonymous_mb": 1234.0, "mapped_mb": 56.0}
+    ]
+    assert bigpool.table({"rows": rows}).splitlines()[-1] == (
+        "| 3 | merge | equal 0.123, routed 0.500 | 1,234 | 56 |"
+    )
+
+
+def test_a_temporary_folder_lies_elsewhere_has_room_and_is_removed(
+    results: ModuleType, tmp_path: Path
+) -> None:
+    pools = importlib.import_module("synthetic_pool")
+    for folder, size, said in (
+        (FOLDER, 0, "lies in the checkout, expected a folder elsewhere"),
+        (tmp_path, 1 << 60, "GB are free, expected"),
+    ):
+        with pytest.raises(SystemExit, match=said), pools.temporary_folder(folder, size):
+            pytest.fail("made all the same")
+    kept = contextlib.ExitStack()
+    made = kept.enter_context(pools.temporary_folder(tmp_path, 10))
+    (made / "file").write_text("x")
+    interrupt = KeyboardInterrupt()
+    assert not kept.__exit__(KeyboardInterrupt, interrupt, None), "it goes on to whoever handles it"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_shape_is_compared_with_the_published_keys(results: ModuleType, goldens: Path) -> None:
+    pools, plan = importlib.import_module("synthetic_pool"), importlib.import_module("bigpool").PLANS
+    shape = plan["nmrf-swint"].shape
+    assert sum(tensor.nbytes for tensor in pools.base_state(shape).values()) == pools.file_size(shape)
+    other = pools.PoolShape("nmrf-res", sources=1, published=shape.published)
+    with pytest.raises(SystemExit, match=r"nmrf_swint_keys\.json: lists other keys or shapes"):
+        pools.base_state(other)
+
+
+TOUCH = """import json, mmap, sys, time
+kept = b"x" * (SIZE << 20)
+with open(sys.argv[1], "rb") as stream:
+    pages = mmap.mmap(stream.fileno(), 0, prot=mmap.PROT_READ)
+seen = sum(pages[n] for n in range(0, len(pages), 4096))
+time.sleep(0.5)
+print(json.dumps(len(kept)))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory by kind is read from /proc: run it on Linux")
+def test_memory_of_a_process_is_told_by_kind(results: ModuleType, tmp_path: Path) -> None:
+    """64 MiB more of its own are anonymous, 64 MiB more of a file are mapped."""
+    processes = importlib.import_module("processes")
+
+    def peak(own: int, mapped: int) -> Any:
+        (tmp_path / "touch.py").write_text(TOUCH.replace("SIZE", str(own)))
+        (tmp_path / "file").write_bytes(bytes(mapped << 20))
+        answer, found = processes.call_watched(str(tmp_path / "touch.py"), str(tmp_path / "file"))
+        assert answer == own << 20
+        return found
+
+    little, more_own, more_mapped = peak(1, 1), peak(65, 1), peak(1, 65)
+    assert more_own.anonymous_mb - little.anonymous_mb == pytest.approx(64, abs=4)
+    assert more_mapped.mapped_mb - little.mapped_mb == pytest.approx(64, abs=4)
+    assert more_own.mapped_mb == pytest.approx(little.mapped_mb, abs=4)
+    assert more_mapped.anonymous_mb == pytest.approx(little.anonymous_mb, abs=4)
