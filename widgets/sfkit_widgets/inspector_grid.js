@@ -268,7 +268,7 @@ export class WeightGrid {
     const input = element("input", { type: "text", inputmode: "decimal", value: text, "aria-label": label });
     cell.replaceChildren(input);
     input.focus();
-    if (!first) input.select();
+    input.setSelectionRange(first.length, text.length); // behind what was typed, or all of the old
     let over = false; // taking the input away blurs it, too
     /** @param {boolean} taken */
     const finish = (taken) => {

@@ -1,0 +1,367 @@
+"""The RoutingInspector under mouse and keyboard: its script in Chromium, its Python side in this process."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from browser_stage import Stage
+from sfkit_widgets import RoutingInspector
+from tiny import write_pairs, write_pool
+
+import sfkit
+from sfkit.analysis import previews
+
+pytestmark = pytest.mark.browser
+
+Open = Callable[..., Stage]
+
+
+@pytest.fixture(scope="module")
+def evaluator(tmp_path_factory: pytest.TempPathFactory) -> sfkit.Evaluator:
+    folder: Path = tmp_path_factory.mktemp("world")
+    pool = sfkit.open_pool(write_pool(folder / "pool"))
+    return sfkit.Evaluator(
+        pool, sfkit.open_benchmark("pairs", write_pairs(folder / "pairs"), metric="bad-2.0")
+    )
+
+
+@pytest.fixture(scope="module")
+def search(evaluator: sfkit.Evaluator) -> sfkit.RoutingSearch:
+    settings = sfkit.RoutingSettings(evaluations=9, population=4, tied=False)
+    search = sfkit.RoutingSearch(("a", "b", "c"), evaluator.pool.blocks, evaluator, settings)
+    search.run()
+    return search
+
+
+@pytest.fixture(autouse=True)
+def no_hurry(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures at full size at once, however busy the machine is."""
+    monkeypatch.setattr(previews, "QUICK_SECONDS", math.inf)
+
+
+@pytest.fixture
+def shown(stage: Open, evaluator: sfkit.Evaluator) -> Stage:
+    """An inspector of three sources on a bare page."""
+    page = stage()
+    page.show(RoutingInspector(evaluator, tied=False))
+    return page
+
+
+def inspector(shown: Stage) -> RoutingInspector:
+    """The Python side."""
+    assert isinstance(shown.widget, RoutingInspector)
+    return shown.widget
+
+
+def weights(shown: Stage) -> list[list[str]]:
+    """What the cells say, row by row."""
+    return [
+        row.locator("[role=gridcell]").all_inner_texts()
+        for row in shown.root.locator("[role=row]:has([role=gridcell])").all()
+    ]
+
+
+def painted(shown: Stage) -> None:
+    """Wait until the pictures of the last acknowledged command are there."""
+    shown.settled()
+    shown.page.wait_for_function(
+        "() => (({ sent = '0', painted }) => sent === painted)(document.querySelector('.sfkit').dataset)"
+    )
+
+
+def pixels(shown: Stage, caption: str) -> str:
+    """A picture as a data URI."""
+    found: str = (
+        shown.root.get_by_role("figure")
+        .filter(has_text=caption)
+        .locator("img")
+        .evaluate(
+            """(image) => {
+            const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d");
+            canvas.drawImage(image, 0, 0);
+            return String(canvas.getImageData(0, 0, image.naturalWidth, image.naturalHeight).data);
+        }"""
+        )
+    )
+    return found
+
+
+def cell(shown: Stage, block: str, source: str) -> str:
+    """A selector of one weight."""
+    return f"[role=gridcell][aria-label^='{block}, {source}:']"
+
+
+def test_dragging_a_weight_moves_its_row_and_the_pictures(shown: Stage) -> None:
+    painted(shown)
+    before = pixels(shown, "disparity"), pixels(shown, "error"), pixels(shown, "ground truth")
+    box = shown.page.locator(cell(shown, "neck", "a")).bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    shown.page.mouse.move(x, y)
+    shown.page.mouse.down()
+    shown.page.mouse.move(x, y - 32, steps=4)
+    shown.page.mouse.up()
+    painted(shown)
+    assert weights(shown)[1] == ["0.53", "0.23", "0.23"]  # a third, and 32 of 160 pixels
+    assert weights(shown)[0] == ["0.33", "0.33", "0.33"]
+    after = pixels(shown, "disparity"), pixels(shown, "error"), pixels(shown, "ground truth")
+    assert [old == new for old, new in zip(before, after, strict=True)] == [False, False, True]
+    shown.root.get_by_role("button", name="Undo").click()
+    shown.settled()
+    assert weights(shown)[1] == ["0.33", "0.33", "0.33"], "a drag is undone as one"
+    assert inspector(shown).error == ""
+
+
+def test_a_click_edits_nothing_and_selects(shown: Stage) -> None:
+    shown.page.locator(cell(shown, "neck", "b")).click()
+    assert shown.messages() == []
+    assert shown.root.get_by_role("button", name="Lock b in neck").is_enabled()
+
+
+@pytest.mark.parametrize("typed", ["0.8", ",8", "80%"])
+def test_typing_a_weight(shown: Stage, typed: str) -> None:
+    shown.page.locator(cell(shown, "neck", "a")).focus()
+    shown.page.keyboard.type(typed)
+    shown.page.keyboard.press("Enter")
+    painted(shown)
+    assert weights(shown)[1] == ["0.80", "0.10", "0.10"]
+    focused = shown.page.evaluate("document.activeElement.getAttribute('aria-label')")
+    assert focused == "neck, a: 0.800"
+
+
+def test_what_is_no_weight_is_not_taken(shown: Stage) -> None:
+    shown.page.locator(cell(shown, "neck", "a")).dblclick()
+    field = shown.root.get_by_role("textbox", name="Weight of a in neck")
+    field.fill("1.2")
+    field.press("Enter")
+    assert field.get_attribute("aria-invalid") == "true"
+    assert "type a number from 0 to 1" in shown.root.locator("[aria-live]").inner_text()
+    field.press("Escape")
+    assert weights(shown)[1][0] == "0.33"
+    assert shown.messages() == []
+
+
+def test_everything_by_keyboard(shown: Stage) -> None:
+    keys = shown.page.keyboard
+    shown.page.locator("[role=grid] [tabindex='0']").focus()
+    for key in ("ArrowDown", "ArrowRight", "+"):
+        keys.press(key)
+    painted(shown)
+    assert weights(shown)[1] == ["0.31", "0.38", "0.31"]
+    keys.press("Shift+_")
+    keys.press("l")
+    shown.settled()
+    assert (
+        shown.page.locator(cell(shown, "neck", "b")).get_attribute("aria-label") == "neck, b: 0.373, locked"
+    )
+    keys.press("ArrowLeft")
+    keys.press("Delete")
+    shown.settled()
+    assert weights(shown)[1] == ["0.00", "0.37", "0.63"]
+    for _ in range(3):
+        keys.press("ArrowUp")
+    keys.press("Enter")
+    shown.settled()
+    assert [row[0] for row in weights(shown)] == ["–"] * 4
+    keys.press("Control+z")
+    keys.press("Control+z")
+    shown.settled()
+    assert weights(shown)[1][0] == "0.31"
+    keys.press("Control+y")
+    shown.settled()
+    assert weights(shown)[1][0] == "0.00"
+    stops = shown.page.locator("[role=grid] [tabindex='0']")
+    assert stops.count() == 1, "the grid is one stop of the Tab key"
+
+
+def test_a_locked_weight_stays_and_cannot_be_dragged(shown: Stage) -> None:
+    shown.page.locator(cell(shown, "head", "c")).click()
+    shown.root.get_by_role("button", name="Lock c in head").click()
+    shown.settled()
+    shown.page.locator(cell(shown, "head", "c")).drag_to(shown.page.locator(cell(shown, "neck", "c")))
+    assert len(shown.messages()) == 1
+    shown.page.locator(cell(shown, "head", "a")).focus()
+    shown.page.keyboard.type("0.6\n")
+    shown.settled()
+    assert weights(shown)[3] == ["0.60", "0.07", "0.33"]
+
+
+def test_what_if_a_source_were_gone(shown: Stage) -> None:
+    name = shown.root.get_by_role("columnheader", name="b", exact=True)
+    name.click()
+    painted(shown)
+    assert weights(shown) == [["0.50", "–", "0.50"]] * 4
+    assert name.get_attribute("aria-label") == "b, taken out"
+    name.click()
+    shown.settled()
+    assert weights(shown) == [["0.33", "0.33", "0.33"]] * 4
+
+
+def test_scales_by_mouse_keyboard_and_number(shown: Stage) -> None:
+    painted(shown)
+    before = pixels(shown, "disparity")
+    slider = shown.root.get_by_role("slider", name="Module scale of neck, 0.25 to 1.75")
+    box = slider.bounding_box()
+    assert box is not None
+    slider.click(position={"x": box["width"] - 1, "y": box["height"] / 2})
+    painted(shown)
+    assert inspector(shown).scales[1] == pytest.approx(1.75)
+    assert pixels(shown, "disparity") != before
+    slider.press("ArrowLeft")
+    shown.settled()
+    assert inspector(shown).scales[1] == pytest.approx(1.7)
+    number = shown.root.get_by_role("spinbutton", name="Module scale of neck")
+    number.fill("0.5")
+    number.press("Enter")
+    shown.settled()
+    assert inspector(shown).scales[1] == 0.5
+    assert slider.get_attribute("aria-valuetext") == "0.50"
+    number.fill("3")
+    number.press("Enter")
+    shown.settled()
+    alert = shown.root.get_by_role("alert").inner_text()
+    assert alert == "scale of 'neck': found 3, expected it from 0.25 to 1.75"
+    centre = shown.root.locator(".scale-ticks i").nth(1).bounding_box()
+    assert centre is not None
+    slider.click(position={"x": centre["x"] - box["x"] + 2, "y": box["height"] / 2})
+    shown.settled()
+    assert inspector(shown).scales[0] == 1.0, "the neutral mark catches the slider"
+
+
+def test_scrubbing_the_trials_of_a_search(
+    stage: Open, evaluator: sfkit.Evaluator, search: sfkit.RoutingSearch
+) -> None:
+    shown = stage()
+    shown.show(RoutingInspector(evaluator, search=search))
+    slider = shown.root.get_by_role("slider", name="Trial of the search")
+    assert "the best" in (slider.get_attribute("aria-valuetext") or "")
+    slider.press("Home")
+    painted(shown)
+    assert weights(shown) == [["0.33", "0.33", "0.33"]] * 4
+    assert (
+        shown.root.locator(".trial-words").inner_text().startswith("trial 0 of 0 to 8, iteration 0: bad-2.0 ")
+    )
+    slider.press("ArrowRight")
+    painted(shown)
+    assert inspector(shown).recipe == search.candidates[1].recipe
+    shown.root.get_by_role("button", name="Best").click()
+    painted(shown)
+    assert search.best is not None
+    assert inspector(shown).recipe == search.best.recipe
+    shown.root.get_by_role("button", name="Equal weights").click()
+    painted(shown)
+    assert "edited by hand" in shown.root.locator(".trial-words").inner_text()
+
+
+def test_without_a_search_there_is_nothing_to_scrub(shown: Stage) -> None:
+    assert shown.root.get_by_role("slider", name="Trial of the search").count() == 0
+
+
+def test_pins_are_compared_and_blinked(shown: Stage) -> None:
+    shown.root.get_by_role("button", name="Pin A").click()
+    shown.page.locator(cell(shown, "neck", "a")).focus()
+    shown.page.keyboard.type("1\n")
+    shown.settled()
+    shown.root.get_by_role("button", name="Score on all 2 pairs of pairs").click()
+    shown.settled()
+    inspector(shown).settle()
+    shown.page.wait_for_function("() => !document.querySelector('.scores').innerText.includes('scoring')")
+    shown.root.get_by_role("button", name="Pin B").click()
+    painted(shown)
+    table = shown.root.get_by_role("table")
+    score = inspector(shown).scores["value"]
+    assert f"{score:.2f} %" in table.inner_text()
+    assert "the same" in table.inner_text()
+    assert pixels(shown, "disparity") != ""
+    edited = pixels(shown, "disparity")
+    shown.root.get_by_role("button", name="A", exact=True).click()
+    shown.page.wait_for_selector("figcaption:has-text('disparity of A')")
+    shown.page.wait_for_function("() => document.querySelector('.sfkit').dataset.painted")
+    assert pixels(shown, "disparity of A") != edited
+    shown.root.get_by_role("button", name="Blink").click()
+    for name in ("B", "A", "B"):
+        shown.page.wait_for_selector(f"figcaption:has-text('disparity of {name}')")
+    shown.root.get_by_role("button", name="Blink").click()
+    assert shown.root.locator("figcaption", has_text="of ").count() == 0
+    for name in "AB":
+        shown.root.get_by_role("button", name=f"Unpin {name}").click()
+    shown.settled()
+    assert not shown.root.get_by_role("button", name="Blink").is_visible()
+
+
+def test_another_pair(shown: Stage) -> None:
+    painted(shown)
+    before = pixels(shown, "left image")
+    shown.root.get_by_label("Image pair").select_option("pair1")
+    painted(shown)
+    assert inspector(shown).pair == "pair1"
+    assert pixels(shown, "left image") != before
+
+
+def test_recipes_are_loaded_and_networks_saved(
+    shown: Stage, evaluator: sfkit.Evaluator, tmp_path: Path
+) -> None:
+    shown.root.get_by_text("Recipe and network").click()
+    text = shown.root.get_by_role("textbox", name="Recipe as JSON")
+    assert json.loads(text.input_value()) == evaluator.pool.uniform().as_dict()
+    text.fill(evaluator.pool.equal("c").to_json())
+    shown.root.get_by_role("button", name="Load this text").click()
+    shown.settled()
+    assert weights(shown)[0] == ["0.00", "0.00", "1.00"]
+    target = tmp_path / "merged.safetensors"
+    shown.root.get_by_role("textbox", name="File for the merged network").fill(str(target))
+    shown.root.get_by_role("button", name="Save network").click()
+    shown.settled()
+    assert sfkit.read_recipe(target) == inspector(shown).recipe
+    assert f"saved as {target}" in shown.root.inner_text()
+    text.fill("{}")
+    shown.root.get_by_role("button", name="Load this text").click()
+    shown.settled()
+    assert "found format None" in shown.root.get_by_role("alert").inner_text()
+
+
+def test_tying_blocks(shown: Stage) -> None:
+    shown.page.locator(cell(shown, "neck", "a")).focus()
+    shown.page.keyboard.type("1\n")
+    shown.root.get_by_role("checkbox", name="tie blocks").check()
+    shown.settled()
+    assert weights(shown) == [["0.50", "0.25", "0.25"]] * 4
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_saved_notebook_shows_the_last_state(stage: Open, evaluator: sfkit.Evaluator, dark: bool) -> None:
+    widget = RoutingInspector(evaluator, tied=False)
+    widget.weigh("neck", "a", 0.9)
+    widget.pin("A")
+    shown = stage(dark=dark)
+    shown.show_state(widget)
+    assert weights(shown)[1] == ["0.90", "0.05", "0.05"]
+    shown.page.wait_for_function("() => document.querySelector('.sfkit').dataset.painted")
+    sizes = shown.root.locator("figure img").evaluate_all("all => all.map((i) => i.naturalWidth)")
+    assert sizes == [96, 96, 96, 96]
+    assert shown.root.get_attribute("data-theme") == ("dark" if dark else "light")
+
+
+def test_names_are_text_and_never_markup(stage: Open, evaluator: sfkit.Evaluator) -> None:
+    shown = stage()
+    name = "<img src=x onerror=alert(1)>"
+    shown.show_state(RoutingInspector(evaluator), sources=[name, "b", "c"], pairs=[name, "pair1"], flag=name)
+    assert shown.root.get_by_role("columnheader", name=name).count() == 1
+    assert shown.root.locator("img[src=x]").count() == 0
+
+
+@pytest.mark.parametrize("width", [1280, 800])
+def test_nothing_is_clipped(stage: Open, evaluator: sfkit.Evaluator, width: int) -> None:
+    shown = stage(width=width)
+    shown.show_state(RoutingInspector(evaluator))
+    overflow = shown.root.evaluate(
+        """(root) => [root, ...root.querySelectorAll("div, figure, table")]
+            .filter((e) => e.scrollWidth > e.clientWidth + 1 && !e.className.includes("unseen")
+                && getComputedStyle(e).overflowX !== "visible")
+            .map((e) => `${e.className}: ${e.scrollWidth} > ${e.clientWidth}`)"""
+    )
+    assert overflow == []
