@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from typing import Protocol
 from weakref import WeakSet
 
@@ -13,8 +14,14 @@ PULSE = 0.125
 class Refreshing(Protocol):
     """A widget that can bring its traits up to date."""
 
+    keys: Sequence[str]
+    """Names of its synchronised traits."""
+
     def refresh(self) -> None:
         """Show what is new; cheap where nothing is, and never raises."""
+
+    def send_state(self, key: Sequence[str]) -> None:
+        """Send these traits to the browser."""
 
 
 class Publisher:
@@ -39,14 +46,26 @@ class Publisher:
         with self._lock:
             self._widgets.discard(widget)
 
+    def send_again(self) -> None:
+        """Refresh all widgets now and send their state from this thread, changed or not.
+
+        A run without a screen (nbclient, papermill) keeps of a widget only what was sent by a cell, in the
+        kernel's main thread.
+        """
+        with self._lock:
+            widgets = list(self._widgets)
+        for widget in widgets:
+            widget.refresh()
+            widget.send_state([name for name in widget.keys if not name.startswith("_")])
+
     def _work(self) -> None:
-        while widgets := self._followed():
+        while widgets := self._next():
             for widget in widgets:
                 widget.refresh()
             del widgets, widget  # or the last ones would live on through these names
             self._pulse.wait(PULSE)
 
-    def _followed(self) -> list[Refreshing]:
+    def _next(self) -> list[Refreshing]:
         with self._lock:
             found = list(self._widgets)
             if not found:

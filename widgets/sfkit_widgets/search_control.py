@@ -101,6 +101,25 @@ class SearchControl(SfkitWidget):
         self.live.stop()
         self.refresh()
 
+    def wait(self, timeout: float | None = None) -> Progress:
+        """Block until the search is paused, stopped, finished or failed; the buttons work meanwhile.
+
+        All widgets that watch searches then show their last state, also in a notebook run without a screen.
+
+        Args:
+            timeout: seconds; None waits as long as it takes.
+
+        Returns:
+            How far the search is.
+
+        Raises:
+            SfkitError: it did not come to that in time.
+            InputError: the search runs elsewhere.
+        """
+        settled = self.live.wait(timeout=timeout)
+        PUBLISHER.send_again()
+        return settled
+
     def refresh(self) -> None:
         """Show how far the search is now."""
         with self.reporting():
