@@ -13,6 +13,7 @@ from importlib import metadata, resources
 from typing import Any
 
 from nbconvert import HTMLExporter
+from nbconvert.preprocessors import CoalesceStreamsPreprocessor
 from nbformat import NotebookNode
 from papermill.execute import ERROR_MARKER_TAG
 from plotly.offline import get_plotlyjs
@@ -115,6 +116,7 @@ def render_page(notebook: NotebookNode, run: Run) -> str:
 def _exporter() -> HTMLExporter:
     """The notebook's cells alone, without the page around them that loads half the web."""
     exporter = HTMLExporter(template_name="basic", embed_images=True)
+    exporter.register_preprocessor(CoalesceStreamsPreprocessor, enabled=True)  # a loop's lines are one text
     exporter.log.setLevel(logging.ERROR)  # missing descriptions of images are the notebook's business
     return exporter
 
