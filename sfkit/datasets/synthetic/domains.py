@@ -122,7 +122,13 @@ SOURCES: tuple[Domain, ...] = (
     Domain(
         "uneven-exposure", "the right view darker, brighter or tinted", exposure=0.5, brightness=(0.7, 1.2)
     ),
-    Domain("sensor-noise", "low light and a noisy sensor", noise=(10.0, 22.0), brightness=(0.35, 0.7)),
+    Domain(
+        "sensor-noise",
+        "dim light, slightly misty air, a noisy sensor",
+        noise=(8.0, 16.0),
+        brightness=(0.65, 1.05),
+        haze=(0.0, 0.3),
+    ),
     Domain("soft-focus", "both views out of focus, each by its own amount", blur=(1.2, 3.2)),
     Domain(
         "haze",
