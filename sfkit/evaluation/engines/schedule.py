@@ -57,13 +57,16 @@ class Board:
         return self._complete == self._recipes
 
     def take(self) -> Part | None:
-        """The next part to evaluate; None where the rest is under way already."""
-        while self._again:
-            part = self._again.popleft()
-            if self._matters(part):
-                return part
+        """The next part to evaluate; None where the rest is under way already.
+
+        A part over which a worker died comes last: what is well gets done while a new worker starts.
+        """
         while self._next < self._recipes * self._images:
             part = self._cut()
+            if self._matters(part):
+                return part
+        while self._again:
+            part = self._again.popleft()
             if self._matters(part):
                 return part
         return None
