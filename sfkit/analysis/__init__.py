@@ -3,8 +3,10 @@
 from sfkit.analysis.costs import StageCost, cost_table, stage_costs
 from sfkit.analysis.differences import (
     Advantage,
+    AdvantagePanels,
     OutlierRegion,
     advantage,
+    advantage_panels,
     advantage_table,
     outlier_regions,
 )
@@ -15,6 +17,7 @@ from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
 
 __all__ = [
     "Advantage",
+    "AdvantagePanels",
     "Comparison",
     "DisparityPanels",
     "OutlierRegion",
@@ -23,6 +26,7 @@ __all__ = [
     "ScoreGrid",
     "StageCost",
     "advantage",
+    "advantage_panels",
     "advantage_table",
     "contenders",
     "cost_table",

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sfkit.analysis.disparities import Comparison, Map
+from sfkit.analysis.disparities import Comparison, DisparityPanels, Map
 from sfkit.errors import InputError, unknown_name
 
 Pixels = tuple[NDArray[np.intp], ...]  # rows and columns
@@ -43,6 +43,23 @@ class Advantage:
     difference: Map
     fixed: float
     broken: float
+
+
+@dataclass(frozen=True, eq=False)
+class AdvantagePanels:
+    """What a figure of one network against another draws.
+
+    Attributes:
+        pair: images, ground truth, threshold.
+        reference: the one network's name.
+        network: the other's.
+        advantage: of ``network`` against ``reference``.
+    """
+
+    pair: DisparityPanels
+    reference: str
+    network: str
+    advantage: Advantage
 
 
 @dataclass(frozen=True)
@@ -100,6 +117,20 @@ def advantage(reference: Map, network: Map, threshold: float) -> Advantage:
     return Advantage(np.asarray(difference, dtype=np.float32), fixed, broken)
 
 
+def advantage_panels(pair: DisparityPanels, reference: str, network: str) -> AdvantagePanels:
+    """Compare two of a pair's networks by name.
+
+    Raises:
+        InputError: a name the pair does not have.
+    """
+    errors = {maps.name: maps.error for maps in pair.networks}
+    for name in (reference, network):
+        if name not in errors:
+            raise unknown_name("network", name, errors)
+    found = advantage(errors[reference], errors[network], pair.threshold)
+    return AdvantagePanels(pair, reference, network, found)
+
+
 def advantage_table(comparison: Comparison, reference: str, network: str) -> pd.DataFrame:
     """What ``network`` fixes and breaks against ``reference`` on every pair of a benchmark, in percent.
 
@@ -109,15 +140,9 @@ def advantage_table(comparison: Comparison, reference: str, network: str) -> pd.
     Raises:
         InputError: a name the comparison does not have, or a pair that cannot be scored.
     """
-    names = list(comparison.networks)
-    for name in (reference, network):
-        if name not in names:
-            raise unknown_name("network", name, names)
     rows = {}
     for pair in comparison.pairs:
-        panels = comparison.panels(pair)
-        before, after = (panels.networks[names.index(name)].error for name in (reference, network))
-        found = advantage(before, after, panels.threshold)
+        found = advantage_panels(comparison.panels(pair), reference, network).advantage
         rows[pair] = {"fixed": found.fixed, "broken": found.broken, "change": found.broken - found.fixed}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(index="pair")
     return table.sort_values("change", kind="stable")

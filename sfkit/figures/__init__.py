@@ -5,6 +5,7 @@ that read on a light page, a dark one, or both.
 """
 
 from sfkit.figures.costs import cost_figure
+from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
 from sfkit.figures.populations import population_figure
@@ -14,6 +15,7 @@ from sfkit.figures.theme import Theme, template
 
 __all__ = [
     "Theme",
+    "advantage_figure",
     "cmaes_figure",
     "cost_figure",
     "disparity_figure",

@@ -2,5 +2,65 @@
 
 from __future__ import annotations
 
+from html import escape
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from sfkit.analysis.differences import AdvantagePanels
+from sfkit.figures.colours import ERROR, averaged, embedded, paint, picked
+from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
+from sfkit.figures.theme import finish
+
 ADVANTAGE_SPAN = 4.0
 """A map of differences runs from -4 to 4 times the threshold."""
+
+
+def advantage_figure(
+    panels: AdvantagePanels, *, theme: str = "auto", resolution: int = 640, width: int = 1000
+) -> go.Figure:
+    """Draw the left image, and beside it the network's error minus the reference's.
+
+    Blue is where the network is nearer to the ground truth, orange where the reference is. Where there is
+    no ground truth the picture is hatched grey. Both panels zoom and pan together.
+
+    Args:
+        panels: from :func:`~sfkit.analysis.differences.advantage_panels`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        resolution: longest side of the embedded pictures in pixels; larger ones lose rows and columns.
+        width: of the figure in pixels.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    pair, found = panels.pair, panels.advantage
+    size = pair.truth.shape
+    network, reference = escape(panels.network), escape(panels.reference)
+    titles = ["left image", f"{network} against {reference}"]
+    figure = make_subplots(
+        rows=1,
+        cols=2,
+        horizontal_spacing=0.02,
+        subplot_titles=titles,
+        shared_xaxes="all",
+        shared_yaxes="all",
+    )
+    span = ADVANTAGE_SPAN * pair.threshold
+    signed = paint(picked(found.difference, resolution), (-span, span), ERROR)
+    photograph = embedded(averaged(pair.left, resolution), photograph=True)
+    add_picture(figure, size, photograph, 1, 1, "left image")
+    add_picture(figure, size, embedded(signed), 1, 2, "difference")
+    frame_pictures(figure, size)
+    add_colour_bar(figure, "change of error (px)", ERROR, (-span, span))
+    return finish(
+        figure,
+        theme=theme,
+        title=f"Where is {network} better than {reference} on {escape(pair.benchmark)}, "
+        f"pair {escape(pair.pair)}?",
+        subtitle=f"blue: better; beyond {pair.threshold:g} px the error of {found.fixed:.1f} % of the pixels "
+        f"was fixed, of {found.broken:.1f} % broken; protocol {pair.protocol}; grey hatch: no ground truth",
+        height=round((width - 150) / 2 * size[0] / size[1] + 150),
+        width=width,
+        margin={"l": 20, "r": 120, "t": 104, "b": 10},
+        showlegend=False,
+    )

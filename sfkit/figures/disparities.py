@@ -14,14 +14,13 @@ from sfkit.figures.colours import (
     DISPARITY,
     ERROR,
     ERROR_SPAN,
-    Stops,
     averaged,
     embedded,
     error_position,
     paint,
     picked,
-    plotly_scale,
 )
+from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
 from sfkit.figures.theme import finish
 
 
@@ -56,11 +55,12 @@ def disparity_figure(
         shared_yaxes="all",
     )
     truth = paint(picked(panels.truth, resolution), panels.limits, DISPARITY)
-    _picture(figure, panels, embedded(averaged(panels.left, resolution), photograph=True), 1, 1, "left image")
-    _picture(figure, panels, embedded(truth), 1, 2, "ground truth")
+    photograph = embedded(averaged(panels.left, resolution), photograph=True)
+    add_picture(figure, panels.truth.shape, photograph, 1, 1, "left image")
+    add_picture(figure, panels.truth.shape, embedded(truth), 1, 2, "ground truth")
     for number, network in enumerate(panels.networks, start=2):
         _network(figure, panels, network, number, resolution)
-    _frame(figure, panels)
+    frame_pictures(figure, panels.truth.shape)
     _keys(figure, panels)
     return finish(
         figure,
@@ -86,91 +86,21 @@ def _titles(panels: DisparityPanels) -> list[str]:
 def _network(
     figure: go.Figure, panels: DisparityPanels, network: NetworkMaps, row: int, resolution: int
 ) -> None:
+    size = panels.truth.shape
     seen = np.where(np.isfinite(network.disparity), network.disparity, np.float32(np.nan))
     disparity = paint(picked(seen, resolution), panels.limits, DISPARITY)
     error = picked(network.error, resolution)
     position = np.where(np.isnan(error), np.nan, error_position(error, panels.threshold))
     wrong = paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
-    _picture(figure, panels, embedded(disparity), row, 1, f"{network.name}: disparity")
-    _picture(figure, panels, embedded(wrong), row, 2, f"{network.name}: error")
-
-
-def _picture(
-    figure: go.Figure, panels: DisparityPanels, source: str, row: int, column: int, name: str
-) -> None:
-    """A picture spread over the pair's full size, so that axes count the pair's own pixels."""
-    height, width = panels.truth.shape
-    figure.add_layout_image(
-        {
-            "source": source,
-            "x": 0,
-            "y": 0,
-            "sizex": width,
-            "sizey": height,
-            "xanchor": "left",
-            "yanchor": "top",
-            "sizing": "stretch",
-            "layer": "below",
-            "name": name,
-        },
-        row=row,
-        col=column,
-    )
-
-
-def _frame(figure: go.Figure, panels: DisparityPanels) -> None:
-    height, width = panels.truth.shape
-    bare = {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
-    figure.update_xaxes(range=[0, width], constrain="domain", **bare)
-    figure.update_yaxes(range=[height, 0], constrain="domain", **bare)
-    figure.update_yaxes(scaleanchor="x", scaleratio=1, row=1, col=1)
-    figure.update_annotations(font_size=12)
+    add_picture(figure, size, embedded(disparity), row, 1, f"{network.name}: disparity")
+    add_picture(figure, size, embedded(wrong), row, 2, f"{network.name}: error")
 
 
 def _keys(figure: go.Figure, panels: DisparityPanels) -> None:
-    """Two colour bars, carried by traces without a visible point."""
     low, high = panels.limits
     octaves = np.arange(-ERROR_SPAN, ERROR_SPAN + 1)
     labels = [f"{panels.threshold * 2.0**octave:.3g}" for octave in octaves]
     labels[0], labels[-1] = f"≤ {labels[0]}", f"≥ {labels[-1]}"
-    _key(figure, "disparity (px)", DISPARITY, (low, high), 1.0, None)
-    _key(figure, "error (px)", ERROR, (-ERROR_SPAN, ERROR_SPAN), 0.48, (octaves.tolist(), labels))
-
-
-def _key(
-    figure: go.Figure,
-    title: str,
-    stops: Stops,
-    limits: tuple[float, float],
-    top: float,
-    ticks: tuple[list[float], list[str]] | None,
-) -> None:
-    bar = {
-        "title": {"text": title, "side": "right"},
-        "y": top,
-        "yanchor": "top",
-        "len": 0.46,
-        "thickness": 12,
-        "outlinewidth": 0,
-    }
-    if ticks is not None:
-        bar |= {"tickvals": ticks[0], "ticktext": ticks[1]}
-    figure.add_trace(
-        go.Scatter(
-            x=[None],
-            y=[None],
-            mode="markers",
-            marker={
-                "color": [limits[0]],
-                "cmin": limits[0],
-                "cmax": limits[1],
-                "colorscale": plotly_scale(stops),
-                "showscale": True,
-                "colorbar": bar,
-            },
-            name=title,
-            hoverinfo="skip",
-        ),
-        row=1,
-        col=1,
-    )
+    add_colour_bar(figure, "disparity (px)", DISPARITY, (low, high), length=0.46)
+    ends, ticks = (-ERROR_SPAN, ERROR_SPAN), (octaves.tolist(), labels)
+    add_colour_bar(figure, "error (px)", ERROR, ends, top=0.48, length=0.46, ticks=ticks)

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 
 from sfkit import figures
 from sfkit.analysis.costs import StageCost
+from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.populations import Individual, PopulationHistory, summarise
 from sfkit.analysis.routings import RoutingTrace
@@ -78,6 +79,11 @@ def panels(height: int = 20, width: int = 40) -> DisparityPanels:
     return DisparityPanels("world", "all-valid", "pair <0>", left, truth, maps, (1.0, 5.0), 1.0)
 
 
+def versus() -> AdvantagePanels:
+    """The broken network against the fine one."""
+    return advantage_panels(panels(), "fine", "<i>broken</i>")
+
+
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
     "routing": lambda theme: figures.routing_figure(trace(), theme=theme),
@@ -86,5 +92,6 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "cmaes": lambda theme: figures.cmaes_figure(trace(), theme=theme),
     "scores": lambda theme: figures.scores_figure(grid(), theme=theme),
     "cost": lambda theme: figures.cost_figure(costs(), theme=theme),
+    "advantage": lambda theme: figures.advantage_figure(versus(), theme=theme),
     "disparity": lambda theme: figures.disparity_figure(panels(), theme=theme),
 }

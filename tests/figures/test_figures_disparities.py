@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from figure_records import panels
+from figure_records import panels, versus
 from numpy.typing import NDArray
 
-from sfkit.figures import disparity_figure
+from sfkit.analysis.differences import advantage_panels
+from sfkit.analysis.disparities import NetworkMaps
+from sfkit.figures import advantage_figure, disparity_figure
 from sfkit.figures.colours import DISPARITY, ERROR, colour_at, hatch
 
 
@@ -74,3 +77,24 @@ def test_large_pictures_are_thinned(resolution: int, size: tuple[int, int]) -> N
     figure = disparity_figure(panels(), resolution=resolution)
     assert picture(figure, "ground truth").shape[:2] == size
     assert picture(figure, "left image").shape[:2] == size
+
+
+def test_the_signed_map_is_light_where_nothing_changed_and_hatched_where_nothing_counts() -> None:
+    shown = picture(advantage_figure(versus()), "difference")
+    np.testing.assert_array_equal(shown[:, :20], hatch(20, 40)[:, :20])
+    assert (shown[1:, 20:] == colour_at(ERROR, 0.5)).all()
+
+
+def test_better_is_blue_and_worse_is_orange() -> None:
+    pair = panels()
+    error = np.where(np.isnan(pair.truth), np.float32(np.nan), np.float32(3.0))
+    names = {"off by 3": error, "exact": error - 3}
+    networks = tuple(NetworkMaps(name, pair.truth, held, {}) for name, held in names.items())
+    made = replace(pair, networks=networks)
+    better = advantage_figure(advantage_panels(made, "off by 3", "exact"))
+    assert (picture(better, "difference")[:, 20:] == colour_at(ERROR, 1 / 8)).all()
+    assert "100.0 % of the pixels was fixed, of 0.0 % broken" in better.layout.title.subtitle.text
+    worse = advantage_figure(advantage_panels(made, "exact", "off by 3"))
+    assert (picture(worse, "difference")[:, 20:] == colour_at(ERROR, 7 / 8)).all()
+    (bar,) = [drawn.marker for drawn in worse.data]
+    assert (bar.cmin, bar.cmax, bar.colorbar.title.text) == (-4.0, 4.0, "change of error (px)")

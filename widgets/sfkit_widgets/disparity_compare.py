@@ -110,6 +110,11 @@ class DisparityCompare(SfkitWidget):
         super().__init__(chosen, palettes=palettes(), pairs=list(self._comparison.pairs))
         self.choose(pair or self._comparison.pairs[0])
 
+    @property
+    def comparison(self) -> Comparison:
+        """What runs the networks, and keeps the maps of the last pairs."""
+        return self._comparison
+
     @command
     def choose(self, pair: str) -> None:
         """Show another pair of the benchmark; the networks run where they have not run on it yet.
