@@ -129,7 +129,7 @@ def test_the_population_is_that_of_the_static_figure(made: list[Any]) -> None:
     assert shown["archive"] == [candidate.number for candidate in search.archive(3)]
     person = shown["people"][str(shown["archive"][0])]
     assert [SOURCES[n] for n in person["sources"]] == list(search.best.subset)
-    assert person["score"] == f"EPE {search.best.score:.2f} px"
+    assert person["score"] == f"{search.best.score:.2f} px"
     for person in shown["people"].values():
         if person["generation"] is not None:
             assert all(str(parent) in shown["people"] for parent in person["parents"])

@@ -69,7 +69,7 @@ function offspringText(now, children) {
 function line(now, number, name, jump) {
   const person = now.people[number];
   if (!person) return element("p", {}, `${name} ${number}: not among the generations shown`);
-  const strip = element("span", { class: "sfkit-population-strip", role: "img" }, ...marks(now, person, "none"));
+  const strip = element("span", { class: "sfkit-population-strip", role: "img" }, ...marks(now, person, ""));
   strip.setAttribute("aria-label", person.sources.map((s) => now.sources[s]).join(", "));
   const row = element("div", { class: "sfkit-population-line" }, element("span", {}, name));
   const title = "Show the generation where it first is";

@@ -90,16 +90,15 @@ function personRow(now, number, n) {
  * One mark a source: filled where the individual has it.
  * @param {any} now
  * @param {{sources: number[]}} person
- * @param {string} role
+ * @param {string} role empty for marks that are one picture together
  */
 export function marks(now, person, role = "gridcell") {
   const has = new Set(person.sources);
-  return now.sources.map((name, s) =>
-    element("span", {
-      class: has.has(s) ? "sfkit-population-mark sfkit-population-has" : "sfkit-population-mark",
-      role,
-      title: name,
-      "aria-label": has.has(s) ? name : "–",
-    }),
-  );
+  return now.sources.map((name, s) => {
+    const kind = has.has(s) ? "sfkit-population-mark sfkit-population-has" : "sfkit-population-mark";
+    const mark = element("span", { class: kind, title: name });
+    if (role) mark.setAttribute("role", role);
+    if (role) mark.setAttribute("aria-label", has.has(s) ? name : `not ${name}`);
+    return mark;
+  });
 }

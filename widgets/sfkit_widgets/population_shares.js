@@ -8,7 +8,7 @@ import { element } from "./_shared.js";
  * @param {number} sources
  */
 export function sourceColumns(sources) {
-  return `38px repeat(${sources}, minmax(12px, 34px)) minmax(92px, 1fr)`;
+  return `38px repeat(${sources}, minmax(12px, 34px)) minmax(66px, 1fr)`;
 }
 
 /**
@@ -21,7 +21,9 @@ export function shareTable(now, at, choose) {
   const table = element("div", { class: "sfkit-population-table", role: "table" });
   table.setAttribute("aria-label", "Share of the individuals that have a source, by generation");
   table.append(headRow(now.sources));
-  const body = element("div", { class: "sfkit-population-scroll", role: "rowgroup" });
+  // Long searches scroll here, which takes the keyboard as well.
+  const body = element("div", { class: "sfkit-population-scroll", role: "rowgroup", tabindex: 0 });
+  body.setAttribute("aria-label", "Generations");
   now.generations.forEach((generation, n) => {
     const row = element("div", { class: "sfkit-population-row", role: "row" });
     if (n === at) row.classList.add("sfkit-population-at");
@@ -41,7 +43,7 @@ function headRow(sources) {
   );
   const corner = element("span", { class: "sfkit-population-name", role: "columnheader" }, "gen.");
   const key = element("span", { class: "sfkit-population-key", role: "columnheader" }, "have the source");
-  key.append(element("span", { class: "sfkit-population-ramp", "aria-hidden": "true" }), "0 to 100 %");
+  key.append(element("span", { class: "sfkit-population-ramp", "aria-hidden": "true" }), "0–100 %");
   return element("div", { class: "sfkit-population-row sfkit-population-head", role: "row" }, corner, ...names, key);
 }
 

@@ -9,9 +9,10 @@ from typing import Any
 import traitlets
 
 from sfkit.analysis.evolution import Evolution
-from sfkit.analysis.labels import metric_label, score_text
+from sfkit.analysis.labels import metric_label
 from sfkit.analysis.populations import Individual
 from sfkit.analysis.thinning import drawn_points
+from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget
@@ -113,12 +114,19 @@ def _person(
 ) -> dict[str, Any]:
     return {
         "sources": [position[name] for name in one.subset],
-        "score": "failed" if one.failed else score_text(metric, one.score),
+        "score": _score(one, metric),
         "failed": one.failed,
         "operators": list(one.operators),
         "parents": list(one.parents),
         "generation": generation,
     }
+
+
+def _score(one: Individual, metric: str | None) -> str:
+    """Without the metric's name, which the charts tell: rows are narrow."""
+    if one.failed:
+        return "failed"
+    return f"{one.score:.4g}" if metric is None else f"{one.score:.2f} {Metric.parse(metric).unit}"
 
 
 def _first_seen(populations: Iterable[tuple[int, Sequence[int]]]) -> dict[int, int]:

@@ -66,7 +66,7 @@ function heatmap(now, at) {
   const table = element("table", {});
   table.append(element("caption", {}, "Routing weights (fraction) and module scales (factor)"));
   const names = now.sources.map((name) => element("th", { scope: "col" }, name));
-  table.append(element("tr", {}, element("th", { scope: "col" }, "block"), ...names, element("th", {}, "scale")));
+  table.append(element("tr", {}, element("th", { scope: "col", class: "sfkit-routing-block" }, "block"), ...names, element("th", {}, "scale")));
   now.blocks.forEach((block, b) => {
     const row = now.weights[at][now.tied ? 0 : b];
     const cells = row.map((weight) => weightCell(weight, now.shades));

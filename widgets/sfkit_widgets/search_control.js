@@ -23,7 +23,7 @@ function render(host) {
   bar.setAttribute("aria-label", "Candidates proposed");
   const count = element("div", { class: "sfkit-control-count" });
   const says = element("p", { class: "sfkit-control-says" });
-  const figures = element("dl", { class: "sfkit-control-figures" });
+  const figures = element("div", { class: "sfkit-control-figures", role: "list", "aria-label": "Figures" });
   const best = element("div", { class: "sfkit-control-best" });
   const head = element("div", { class: "sfkit-control-head" }, title, phase, toolbar);
   body.append(head, bar, element("div", { class: "sfkit-control-line" }, says, count), figures, best);
@@ -65,7 +65,9 @@ function controlButton([name, text, tip, path]) {
 }
 
 function figure(name, value) {
-  return element("div", {}, element("dt", {}, name), element("dd", { "data-figure": name }, value));
+  // No dl: JupyterLab lays those out its own way.
+  const label = element("span", { class: "sfkit-control-label" }, name);
+  return element("div", { role: "listitem" }, label, element("span", { "data-figure": name }, value));
 }
 
 function bestLine(best) {
