@@ -202,10 +202,11 @@ export function hostTheme(page, prefersDark) {
 /**
  * An element with attributes and children; true writes the bare attribute, false and null none. Texts
  * become text nodes, so that nothing a file is called can become markup.
- * @param {string} tag
+ * @template {keyof HTMLElementTagNameMap} Tag
+ * @param {Tag} tag
  * @param {Record<string, string | number | boolean | null>} attributes
  * @param {...(Node | string)} children
- * @returns {any}
+ * @returns {HTMLElementTagNameMap[Tag]}
  */
 export function element(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
