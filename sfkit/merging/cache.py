@@ -23,6 +23,7 @@ from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.errors import InputError
 
 LIMIT = 40 << 30  # bytes; the task vectors used longest ago go first
+RECORDS = 1000  # checkpoints to remember, some 40 kB each; those read longest ago go first
 VERSION = 1  # of what is cached: a change makes old entries unknown
 
 
@@ -119,14 +120,16 @@ class VectorCache:
     def entries(self) -> list[CacheEntry]:
         """All cached task vectors, the one used last first."""
         found = []
-        for path in self._folder("vectors").glob("*.f32"):
+        for path, stat in _files(self._folder("vectors"), "*.f32"):
             values = _read(path.with_suffix(".json")) or {}
-            stat = path.stat()
             found.append(CacheEntry(path.stem, str(values.get("source", "")), stat.st_size, stat.st_mtime))
         return sorted(found, key=lambda entry: -entry.used)
 
     def trim(self, *, spare: str = "") -> None:
-        """Drop the task vectors used longest ago until the rest fits the limit."""
+        """Drop the task vectors used longest ago until the rest fits the limit, and old files' records."""
+        records = sorted(_files(self._folder("files"), "*.json"), key=lambda found: -found[1].st_mtime)
+        for path, _ in records[RECORDS:]:
+            path.unlink(missing_ok=True)
         kept = 0
         for entry in self.entries():
             kept += entry.size_bytes
@@ -203,6 +206,15 @@ def map_file(path: Path, elements: int, *, writable: bool = True) -> torch.Tenso
 def _signature(path: Path) -> list[int]:
     stat = path.stat()
     return [stat.st_size, stat.st_mtime_ns, stat.st_ino]
+
+
+def _files(folder: Path, pattern: str) -> Iterator[tuple[Path, os.stat_result]]:
+    """Files and their sizes and times; one that another process drops meanwhile is left out."""
+    for path in folder.glob(pattern):
+        try:
+            yield path, path.stat()
+        except FileNotFoundError:
+            continue
 
 
 def _read(path: Path) -> dict[str, Any] | None:

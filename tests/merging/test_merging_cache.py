@@ -10,6 +10,7 @@ import torch
 from safetensors.torch import load_file, save_file
 from tiny import fine_tune, write_pool
 
+from sfkit.merging import cache as cache_module
 from sfkit.merging import open_pool, opening
 from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord
 
@@ -88,6 +89,21 @@ def test_the_limit_drops_what_was_used_longest_ago(tmp_path: Path) -> None:
         ("new", 4000, "new.pth"), ("middle", 4000, "middle.pth"),
     ]  # fmt: skip
     assert cache.vector("old") is None
+
+
+def test_records_of_files_are_limited_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cache_module, "RECORDS", 2)
+    cache = VectorCache(tmp_path / "cache")
+    checkpoints = [tmp_path / f"{number}.pth" for number in range(3)]
+    for number, checkpoint in enumerate(checkpoints):
+        checkpoint.write_bytes(b"x")
+        cache.remember(checkpoint, "anynet", FileRecord(f"f{number}", {}))
+        (record,) = (r for r in cache.folder.rglob("*.json") if checkpoint.name in r.read_text())
+        os.utime(record, (number, number))
+    cache.trim()
+    assert [cache.file(checkpoint, "anynet") for checkpoint in checkpoints] == [
+        None, FileRecord("f1", {}), FileRecord("f2", {}),
+    ]  # fmt: skip
 
 
 def test_a_buffer_that_was_not_finished_is_unknown(tmp_path: Path) -> None:
