@@ -100,6 +100,8 @@ class ParallelEngine:
                 :class:`~sfkit.evaluation.engines.plan.WorkerPlan`.
             SfkitError: no worker can be started.
         """
+        if not recipes:
+            return
         self._crew = crew = self._crew or self._hire()
         self._calls += 1
         try:

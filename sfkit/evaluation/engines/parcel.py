@@ -39,6 +39,8 @@ class TensorBytes:
 
     def tensor(self) -> torch.Tensor:
         """The tensor in the same memory; nothing may write to it."""
+        if not self.data.size:
+            return torch.empty(self.shape, dtype=self.dtype)
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
             return torch.from_numpy(self.data).view(self.dtype).reshape(self.shape)

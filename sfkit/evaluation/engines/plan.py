@@ -80,16 +80,23 @@ class WorkerPlan:
     identity: dict[str, Any]
 
     @classmethod
-    def of(cls, pool: Pool, prepared: PreparedBenchmark, *, mode: ForwardMode, threads: int) -> WorkerPlan:
+    def of(
+        cls,
+        pool: Pool,
+        benchmark: Benchmark,
+        thresholds: tuple[float, ...],
+        *,
+        mode: ForwardMode,
+        threads: int,
+    ) -> WorkerPlan:
         """The plan for workers that do what a worker of this process would do.
 
         Raises:
             InputError: a worker could not import the architecture, or a class of the benchmark's pairs.
         """
         module = module_of(pool)
-        ensure_importable({type(pair).__module__ for pair in prepared.benchmark.pairs}, "a pair's class")
-        found = identity(pool, prepared.benchmark)
-        benchmark, thresholds = prepared.benchmark, prepared.thresholds
+        ensure_importable({type(pair).__module__ for pair in benchmark.pairs}, "a pair's class")
+        found = identity(pool, benchmark)
         return cls(pool.spec, module, benchmark, thresholds, mode, Numerics.here(), threads, found)
 
     def open(self, device: str, pool: Pool | None = None) -> Worker:

@@ -11,13 +11,13 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
 from sfkit.evaluation.engines.parcel import PoolParcel, in_memory
-from sfkit.evaluation.engines.plan import WorkerPlan, identity
+from sfkit.evaluation.engines.plan import WorkerPlan
 from sfkit.evaluation.engines.schedule import TRIES
 from sfkit.evaluation.engines.worker import Result, Worker
 from sfkit.evaluation.prepared import PreparedBenchmark
@@ -81,6 +81,9 @@ class RayCrew:
         order: what every worker becomes.
         workers: how many; one a GPU or a CPU of the cluster where None.
         start_seconds: how long a worker may take to get ready.
+
+    Raises:
+        SfkitError: no cluster can be reached, and none started here.
     """
 
     def __init__(self, order: Order, workers: int | None, start_seconds: float) -> None:
@@ -90,7 +93,7 @@ class RayCrew:
         self._start_seconds = start_seconds
         self._owns_ray = not ray.is_initialized()
         if self._owns_ray:
-            ray.init()
+            _connect(ray)
         self._gpus = 1 if order.device == "cuda" else 0
         self._order = ray.put(order)
         self._seats = [Seat(*self._start()) for _ in range(workers or self._places())]
@@ -205,13 +208,12 @@ def ray_engine(
         InputError: Ray is not installed, or a worker could not import the architecture.
     """
     ensure_ray()
-    held = in_memory(benchmark)
-    plan = WorkerPlan.of(pool, benchmark, mode=mode or ForwardMode(), threads=threads)
+    thresholds, mode = benchmark.thresholds, mode or ForwardMode()
+    plan = WorkerPlan.of(pool, in_memory(benchmark), thresholds, mode=mode, threads=threads)
     kind = device.partition(":")[0]
 
     def hire() -> RayCrew:
-        shipped = replace(plan, benchmark=held, identity=identity(pool, held))
-        order = Order(shipped, PoolParcel.of(pool), tuple(filter(None, sys.path)), kind)
+        order = Order(plan, PoolParcel.of(pool), tuple(filter(None, sys.path)), kind)
         return RayCrew(order, workers, start_seconds)
 
     about = f"{workers or 'as many'} workers on {kind}" + ("" if workers else " as the cluster has room for")
@@ -229,6 +231,16 @@ def ensure_ray() -> None:
             "engine 'ray': Ray is not installed, install it with pip install 'sfkit[ray]', or choose "
             "'processes'"
         )
+
+
+def _connect(ray: Any) -> None:
+    try:
+        ray.init()
+    except (ConnectionError, RuntimeError, TimeoutError) as error:
+        raise SfkitError(
+            f"engine 'ray': no cluster can be reached or started ({error}), connect with ray.init() first or "
+            "set RAY_ADDRESS"
+        ) from error
 
 
 def _ended(error: Exception) -> str:

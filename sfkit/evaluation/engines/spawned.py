@@ -87,21 +87,26 @@ class Spawned:
             return f"was killed by signal {-code} ({signal.strsignal(-code)})"
         return f"exited with code {code}"
 
+    def terminate(self) -> None:
+        """Ask the process to end."""
+        self._process.terminate()
+
     def kill(self) -> None:
         """End the process at once."""
         self._process.kill()
         self._process.wait()
 
     def release(self) -> None:
-        """Let go of the pipes, which makes the process end."""
+        """Let go of the pipes."""
         self.channel.close()
         os.close(self._lifeline)
 
 
 def stop(processes: Iterable[Spawned]) -> None:
-    """End processes in good order, and kill those that do not follow."""
+    """End processes, whatever they are at: they keep nothing that could be lost."""
     here = [process for process in processes if process.owner == os.getpid()]  # a fork owns none of them
     for process in here:
         process.release()
+        process.terminate()
     for process in here:
         process.ended()
