@@ -35,8 +35,9 @@ def build(
     A finished training is not repeated and a stopped one goes on from its last saved step, so calling
     this again resumes. ``only`` names the sources to train in this process (after the base), so that
     several processes can share the work; ``pool.toml`` is written as soon as every network is there.
-    Each finished network is measured on ``held_out`` pairs of its own domain. On two cores with one
-    thread a process, the base takes about ten minutes and a source about three.
+    Each finished network is measured on ``held_out`` pairs of its own domain. With one thread, the base
+    takes about ten minutes and a source two to five. Training carries rounding along, so a bank built on
+    another machine or with another PyTorch is as good as the shipped one, not equal to it bit by bit.
 
     Raises:
         InputError: ``only`` names a source that the bank does not have.

@@ -49,9 +49,10 @@ def _own_domains(scores: BankScores) -> str:
 
 def _help_and_harm(sources: pd.Series, base: float) -> str:
     helping, harming = sources[sources < base], sources[sources >= base]
+    rest = f"{len(harming)} harm: {_listed(harming)}" if len(harming) else "none harms"
     return (
         f"On the mean of the unseen benchmarks the base has {base:.1f} % bad pixels. Alone, {len(helping)} "
-        f"of the {len(sources)} sources help: {_listed(helping)}; {len(harming)} harm: {_listed(harming)}."
+        f"of the {len(sources)} sources help: {_listed(helping)}; {rest}."
     )
 
 

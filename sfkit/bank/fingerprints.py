@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sfkit.bank.rendered import benchmark, benchmarks
 from sfkit.datasets import Sample
 
-BLOCKS = (3, 6)
+BLOCKS = (6, 12)
 TOLERANCE = {"left": 1, "right": 1, "disparity": 1, "shares": 2}
 """Largest difference a machine's rounding may make: grey levels, tenths of a pixel, thousandths."""
 

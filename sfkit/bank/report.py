@@ -28,11 +28,29 @@ sfkit ships a small world of its own: a base network trained on one synthetic st
 fine-tuned from it on 11 other domains, and four benchmarks. The networks are AnyNet (ranges 4, 3, 3,
 without the propagation stage: {parameters:,} parameters), really trained, on a CPU; images are 192 x 384.
 The renderer knows disparity and occlusion exactly. `sfkit bank build` makes everything again from its
-seeds; this page is made by `python -m sfkit.bank.report docs`. Domains and seeds were fixed before any
-network was merged, and all figures below are what came out.
+seeds; this page is made by `python -m sfkit.bank.report docs`.
 
 A *bad* pixel is off by more than 3 pixels; scores are bad-3.0 in percent over all pixels with ground truth,
 occluded ones too, mean over images; EPE is the mean error in pixels. Lower is better everywhere.
+"""
+
+
+HISTORY = """\
+## What was changed after seeing figures
+
+Domains and seeds were fixed before the first training, and no choice looked at what a search finds. Two
+things were changed later, because networks missed the bar that the bank was given beforehand (a source's
+EPE at least 20 % below the base's on its own domain; every network between 3 % and 60 % on every benchmark).
+
+- `thin-things` and `slanted-walls` were 14 % and 18 % better than the base after the common 400 steps, so
+  they were trained again for longer.
+- `sensor-noise` was first drawn darker and noisier (noise 10 to 22, brightness 0.35 to 0.7, clear air). Its
+  network was 38 % better than the base at home and had 81.6 % bad pixels on `hazy-road`; lower learning rates
+  left 75 %. With less noise, more light and a little mist, and trained for longer, it stays within the bar.
+
+The second change matters for merging: with the first `sensor-noise` in the pool, the equal-weight merge of
+all 11 had 34.8 % on the mean of the unseen benchmarks and beat 2 of the 11 sources. The bank that ships is
+the kinder one to uniform merging.
 """
 
 
@@ -83,7 +101,8 @@ def _sections(scores: BankScores) -> Iterable[str]:
     yield "Measured on held-out pairs of the own domain. Seconds are wall-clock, on a machine that other work"
     yield "shared; the CPU seconds of the one thread that trained are what a quiet machine needs.\n"
     yield _trainings(scores)
-    yield "\n## The domains\n"
+    yield f"\n{HISTORY}"
+    yield "## The domains\n"
     yield "Left view, right view, ground truth, the domain's own network, its error (white from 6 px on).\n"
     yield from (_portrait(name, world.about) for name, world in domains().items())
     yield "\n## The benchmarks' worlds\n"
