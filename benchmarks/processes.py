@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import torch
 
 HERE = Path(__file__).parent
 INTERVAL = 0.005  # seconds between two looks at a process's memory
@@ -85,14 +88,11 @@ def _resident(pid: int) -> dict[str, float]:
 
 def machine() -> dict[str, Any]:
     """Size of this machine, and the version of what does the arithmetic; nothing that names it."""
-    import os
-
-    import torch
-
     memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     return {
         "cores": os.cpu_count(),
         "memory_gb": round(memory / 2**30),
+        "load": os.getloadavg()[2],
         "threads": torch.get_num_threads(),
         "torch": torch.__version__,
     }

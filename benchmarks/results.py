@@ -38,9 +38,9 @@ def made(name: str, body: str) -> str:
     """A section with its origin: date, command and size of the machine."""
     size = machine()
     origin = (
-        f"Measured {datetime.now(UTC):%Y-%m-%d} by `python benchmarks/results.py {name}` on {size['cores']} "
-        f"cores and {size['memory_gb']} GiB of memory, torch {size['torch']}, {size['threads']} threads "
-        "unless said otherwise."
+        f"Measured {datetime.now(UTC):%Y-%m-%d} by `python benchmarks/results.py {name}` with torch "
+        f"{size['torch']} on {size['cores']} cores and {size['memory_gb']} GiB of memory, load average "
+        f"{size['load']:.1f} in the last 15 minutes; torch threads: {size['threads']} unless said otherwise."
     )
     return f"{body.strip()}\n\n{origin}"
 
