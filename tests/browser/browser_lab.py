@@ -72,13 +72,19 @@ class Server:
         nbformat.write(notebook, path)
         return path
 
-    def ask(self, path: str) -> Any:
-        """What the server's REST interface says."""
+    def ask(self, path: str, method: str = "GET") -> Any:
+        """What the server's REST interface says; None where it says nothing."""
         request = urllib.request.Request(
-            f"{self.url}{path}", headers={"Authorization": f"token {self.token}"}
+            f"{self.url}{path}", headers={"Authorization": f"token {self.token}"}, method=method
         )
         with urllib.request.urlopen(request, timeout=60) as answer:
-            return json.load(answer)
+            text = answer.read()
+        return json.loads(text) if text else None
+
+    def end_kernels(self) -> None:
+        """Shut every kernel down, and forget the sessions."""
+        for session in self.ask("api/sessions"):
+            self.ask(f"api/sessions/{session['id']}", "DELETE")
 
 
 @contextmanager
@@ -170,7 +176,7 @@ class Notebook:
 
     def run_all(self) -> None:
         """Run all cells, and wait until the last one is done; a cell that raises fails the test."""
-        self.command("notebook:run-all-cells")
+        self.page.evaluate("() => void window.jupyterapp.commands.execute('notebook:run-all-cells')")
         self.page.wait_for_function(
             """() => {
                 const { content } = window.jupyterapp.shell.currentWidget;
@@ -178,7 +184,9 @@ class Notebook:
                     && (cell.model.type !== "code" || cell.model.executionCount > 0));
             }"""
         )
-        errors = self.page.locator(".jp-RenderedText[data-mime-type='application/vnd.jupyter.stderr']")
+        kinds = ("stderr", "error")
+        wrong = ", ".join(f"[data-mime-type='application/vnd.jupyter.{kind}']" for kind in kinds)
+        errors = self.page.locator(f".jp-Notebook :is({wrong})")
         assert errors.all_inner_texts() == []
 
     def theme(self, name: str) -> None:
@@ -195,6 +203,26 @@ class Notebook:
     def settled(self) -> None:
         """Wait until every command of the widget was acknowledged by the kernel."""
         self.page.wait_for_function(SETTLED)
+
+    def run_cell(self, number: int) -> None:
+        """Run one cell, and do not wait for it."""
+        self.page.evaluate(
+            """(n) => {
+                window.jupyterapp.shell.currentWidget.content.activeCellIndex = n;
+                void window.jupyterapp.commands.execute("notebook:run-cell");
+            }""",
+            number,
+        )
+
+    def ran(self, number: int) -> None:
+        """Wait until a cell has been run and is done."""
+        self.page.wait_for_function(
+            """(n) => {
+                const { model } = window.jupyterapp.shell.currentWidget.content.widgets[n];
+                return model.executionState !== "running" && model.executionCount > 0;
+            }""",
+            arg=number,
+        )
 
     def reload(self) -> None:
         """Load the page again, as a reader would; the kernel lives on."""

@@ -191,7 +191,8 @@ def test_a_locked_weight_stays_and_cannot_be_dragged(shown: Stage) -> None:
 
 
 def test_what_if_a_source_were_gone(shown: Stage) -> None:
-    name = shown.root.get_by_role("columnheader", name="b", exact=True)
+    name = shown.root.locator(".grid-source", has_text="b")
+    assert name.get_attribute("aria-label") == "b"
     name.click()
     painted(shown)
     assert weights(shown) == [["0.50", "–", "0.50"]] * 4
