@@ -9,7 +9,6 @@ import pytest
 from browser_search import SOURCES, routing_search, subset_search
 from browser_stage import Stage
 from sfkit_widgets import PopulationView, RoutingView, SearchControl
-from sfkit_widgets._assets import script
 
 pytestmark = pytest.mark.browser
 
@@ -212,50 +211,3 @@ def test_names_of_sources_never_become_markup(stage: Open, population: Populatio
     shown.show_state(population, evolution={**population.evolution, "sources": [name, *SOURCES[1:]]})
     assert shown.page.locator("img").count() == 0
     assert name in shown.root.inner_text()
-
-
-FUNCTIONS = """async (source) => {
-    const text = source.replace("export default { render };", "");
-    const names = ["ticks", "logTicks", "spread", "linePath", "linear", "scale", "numberText",
-        "nearestIndex", "made", "offspring", "sourceColumns"];
-    const whole = `${text}\\nexport { ${names.join(", ")} };`;
-    const url = URL.createObjectURL(new Blob([whole], { type: "text/javascript" }));
-    const m = await import(url);
-    return {
-        ticks: [m.ticks(0, 1), m.ticks(23.7, 26.9, 4), m.ticks(0, 3, 8, true), m.ticks(2, 2)],
-        logs: [m.logTicks(0.01, 10, 5), m.logTicks(0.32, 0.62, 4)],
-        spread: [m.spread([], false), m.spread([2], false), m.spread([1, 2], true)],
-        path: [m.linePath([[0, 1], [2, 3], null, [4, 5]], false), m.linePath([[0, 1], [2, 3]], true)],
-        linear: m.linear([0, 10], [100, 200])(5),
-        log: m.scale([1, 100], [0, 2], true)(10),
-        text: [m.numberText(0.123456), m.numberText(25), m.numberText(1234.56)],
-        nearest: [m.nearestIndex([0, 10, 20], 14), m.nearestIndex([], 1)],
-        made: [
-            m.made({ operators: ["random"], parents: [] }),
-            m.made({ operators: ["start"], parents: [] }),
-            m.made({ operators: ["copy", "delete"], parents: [3] }),
-            m.made({ operators: ["crossover"], parents: [3, 4] }),
-        ],
-        offspring: m.offspring({ 5: { parents: [1, 2] }, 6: { parents: [3] } }, 1),
-    };
-}"""
-
-
-def test_the_pure_functions(stage: Open) -> None:
-    page = stage().page
-    found = page.evaluate(FUNCTIONS, script("population_view.js"))
-    assert found["ticks"] == [[0, 0.2, 0.4, 0.6, 0.8, 1], [24, 25, 26], [0, 1, 2, 3], [2]]
-    assert found["logs"] == [[0.01, 0.05, 0.2, 1, 5], [0.4, 0.5, 0.6]]
-    assert found["spread"] == [[0, 1], [1.8, 2.2], [0.8, 2.5]]
-    assert found["path"] == ["M0 1L2 3M4 5", "M0 1H2V3"]
-    assert found["linear"] == 150
-    assert found["log"] == pytest.approx(1.0)
-    assert found["text"] == ["0.1235", "25", "1235"]
-    assert found["nearest"] == [1, -1]
-    assert found["made"] == [
-        "Drawn at random.",
-        "Given to start from.",
-        "Copy of 3, then delete.",
-        "Crossover of 3 and 4.",
-    ]
-    assert found["offspring"] == [5]

@@ -1,13 +1,23 @@
 // Small line charts as SVG, for series that grow while one looks. Numbers come from Python; null is a gap.
 
 import { clamp, element } from "./_shared.js";
+import {
+  linePath,
+  linear,
+  logTicks,
+  nearestIndex,
+  numberText,
+  scale,
+  spread,
+  ticks,
+} from "./chart_scales.js";
 
 /**
  * @typedef {object} Series
  * @property {string} name
  * @property {(number | null)[]} y one value for each x
  * @property {string} colour any CSS colour
- * @property {string} [dash] "solid", "dash" or "dot"
+ * @property {string} [dash] "dash" or "dot"; solid otherwise
  * @property {boolean} [dots] dots in place of a line
  * @property {boolean} [step] hold each value until the next
  * @property {number} [width] of the line in pixels
@@ -34,7 +44,8 @@ const LEFT = 46;
 const RIGHT = 10;
 const TOP = 8;
 const BOTTOM = 22;
-const DASH_PATTERNS = { solid: null, dash: "6 4", dot: "2 3" };
+/** @type {Record<string, string>} */
+const DASH_PATTERNS = { dash: "6 4", dot: "2 3" };
 
 /**
  * Put charts into a place, as wide as its columns are.
@@ -71,13 +82,13 @@ export function onWidth(watched, callback, signal) {
  */
 export function lineChart(chart) {
   const { width = WIDTH, height = 130 } = chart;
-  const values = chart.series.flatMap(({ y }) => y.filter((value) => value !== null));
+  const values = chart.series.flatMap(({ y }) => y).filter((value) => value !== null);
   const range = chart.range ?? spread(values, chart.log ?? false);
   const toX = linear([chart.x[0] ?? 0, chart.x.at(-1) ?? 1], [LEFT, width - RIGHT]);
   const toY = scale(range, [height - BOTTOM, TOP], chart.log ?? false);
   const drawing = svg("svg", { viewBox: `0 0 ${width} ${height}`, class: "sfkit-chart-drawing", role: "img" });
   drawing.setAttribute("aria-label", `${chart.title}: ${described(chart)}`);
-  drawing.append(...axes(chart, range, toX, toY, width, height));
+  drawing.append(...axes(chart, range, toX, toY, { width, height }));
   for (const series of chart.series) drawing.append(...drawn(series, chart.x, toX, toY));
   if (chart.at != null) drawing.append(upright(toX(chart.at), height, "sfkit-chart-at"));
   const readout = element("span", { class: "sfkit-chart-readout" });
@@ -110,103 +121,20 @@ export function svg(tag, attributes = {}, ...children) {
 }
 
 /**
- * @param {[number, number]} domain
+ * @typedef {(value: number) => number} Scale
+ * @typedef {{width: number, height: number}} Size in pixels
+ */
+
+/**
+ * @param {Chart} chart
  * @param {[number, number]} range
- * @returns {(value: number) => number}
+ * @param {Scale} toX
+ * @param {Scale} toY
+ * @param {Size} size
  */
-export function linear([low, high], [from, to]) {
-  const span = high - low || 1;
-  return (value) => from + ((value - low) / span) * (to - from);
-}
-
-/**
- * @param {[number, number]} domain
- * @param {[number, number]} range
- * @param {boolean} log
- */
-export function scale(domain, range, log) {
-  if (!log) return linear(domain, range);
-  const inner = linear([Math.log(domain[0]), Math.log(domain[1])], range);
-  return (/** @type {number} */ value) => inner(Math.log(value));
-}
-
-/**
- * The ends of an axis: the values' own with a margin; something sensible where there are none.
- * @param {number[]} values
- * @param {boolean} log
- * @returns {[number, number]}
- */
-export function spread(values, log) {
-  if (!values.length) return log ? [0.1, 1] : [0, 1];
-  const low = values.reduce((a, b) => Math.min(a, b));
-  const high = values.reduce((a, b) => Math.max(a, b));
-  if (log) return [low * 0.8, high * 1.25];
-  const margin = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
-  return [low - margin, high + margin];
-}
-
-/**
- * Round numbers between two ends, at most `most` of them: 1, 2 or 5 times a power of ten apart.
- * @param {number} low
- * @param {number} high
- * @param {number} most at least 2
- * @param {boolean} whole whole numbers only
- * @returns {number[]}
- */
-export function ticks(low, high, most = 5, whole = false) {
-  const rough = (high - low) / most;
-  if (!(rough > 0)) return [low];
-  const power = 10 ** Math.floor(Math.log10(rough));
-  const found = [1, 2, 5, 10].map((digit) => digit * power).find((step) => (high - low) / step <= most) ?? rough;
-  const step = whole ? Math.max(1, Math.round(found)) : found;
-  const first = Math.ceil(low / step - 1e-9);
-  const count = Math.floor(high / step + 1e-9) - first + 1;
-  return Array.from({ length: Math.max(count, 0) }, (_, n) => Number(((first + n) * step).toPrecision(12)));
-}
-
-/**
- * 1, 2 and 5 times powers of ten between two positive ends, thinned to at most `most`; evenly
- * apart where that gives fewer than two.
- * @param {number} low
- * @param {number} high
- * @param {number} most
- * @returns {number[]}
- */
-export function logTicks(low, high, most = 5) {
-  const all = [];
-  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power += 1) {
-    for (const digit of [1, 2, 5]) {
-      const tick = Number((digit * 10 ** power).toPrecision(3));
-      if (tick >= low && tick <= high) all.push(tick);
-    }
-  }
-  if (all.length < 2) return ticks(low, high, most);
-  const every = Math.ceil(all.length / most);
-  return all.filter((_, n) => n % every === 0);
-}
-
-/**
- * Four significant digits, without the exponent where that is short.
- * @param {number} value
- */
-export function numberText(value) {
-  return String(Number(value.toPrecision(4)));
-}
-
-/**
- * Position of the number nearest to `value`; -1 where there is none.
- * @param {number[]} numbers ascending
- * @param {number} value
- */
-export function nearestIndex(numbers, value) {
-  return numbers.reduce(
-    (best, number, n) => (best < 0 || Math.abs(number - value) < Math.abs(numbers[best] - value) ? n : best),
-    -1,
-  );
-}
-
-function axes(chart, range, toX, toY, width, height) {
-  const rows = chart.yTicks ?? (chart.log ? logTicks(...range, 4) : ticks(...range, 4));
+function axes(chart, range, toX, toY, { width, height }) {
+  const [low, high] = range;
+  const rows = chart.yTicks ?? (chart.log ? logTicks(low, high, 4) : ticks(low, high, 4));
   const columns = chart.x.length ? ticks(chart.x[0], chart.x[chart.x.length - 1], 8, true) : [];
   const parts = rows.flatMap((value) => [
     svg("line", { x1: LEFT, x2: width - RIGHT, y1: toY(value), y2: toY(value), class: "sfkit-chart-rule" }),
@@ -218,55 +146,47 @@ function axes(chart, range, toX, toY, width, height) {
   return [...parts, ...feet];
 }
 
+/**
+ * @param {Series} series
+ * @param {number[]} x
+ * @param {Scale} toX
+ * @param {Scale} toY
+ * @returns {SVGElement[]}
+ */
 function drawn(series, x, toX, toY) {
-  const known = x.flatMap((value, n) => (series.y[n] == null ? [] : [[toX(value), toY(series.y[n])]]));
+  const points = x.map((value, n) => {
+    const y = series.y[n];
+    return y == null ? null : /** @type {[number, number]} */ ([toX(value), toY(y)]);
+  });
+  const known = points.filter((point) => point !== null);
+  const dots = known.map(([cx, cy]) => svg("circle", { cx, cy, r: 2.2, style: `fill: ${series.colour}` }));
   if (series.dots) {
-    return known.map(([cx, cy]) =>
-      svg("circle", { cx, cy, r: 2.2, style: `fill: ${series.colour}`, class: "sfkit-chart-dot" }),
-    );
+    for (const dot of dots) dot.setAttribute("class", "sfkit-chart-dot");
+    return dots;
   }
-  const path = linePath(
-    x.map((value, n) => (series.y[n] == null ? null : [toX(value), toY(series.y[n])])),
-    series.step ?? false,
-  );
   const line = svg("path", {
-    d: path,
+    d: linePath(points, series.step ?? false),
     class: "sfkit-chart-line",
     style: `stroke: ${series.colour}; stroke-width: ${series.width ?? 2}`,
-    "stroke-dasharray": DASH_PATTERNS[series.dash ?? "solid"],
+    "stroke-dasharray": DASH_PATTERNS[series.dash ?? ""] ?? null,
   });
-  const single = known.length === 1 ? [svg("circle", { cx: known[0][0], cy: known[0][1], r: 2.5 })] : [];
-  for (const dot of single) dot.setAttribute("style", `fill: ${series.colour}`);
-  return [line, ...single];
+  return known.length === 1 ? [line, ...dots] : [line];
 }
 
 /**
- * @param {([number, number] | null)[]} points null where the line is broken
- * @param {boolean} step
+ * @param {number} x
+ * @param {number} height
+ * @param {string} kind
  */
-export function linePath(points, step) {
-  let pen = "M";
-  let path = "";
-  for (const point of points) {
-    if (point === null) {
-      pen = "M";
-      continue;
-    }
-    const [x, y] = point.map((value) => Math.round(value * 10) / 10);
-    path += pen === "L" && step ? `H${x}V${y}` : `${pen}${x} ${y}`;
-    pen = "L";
-  }
-  return path;
-}
-
 function upright(x, height, kind) {
   return svg("line", { x1: x, x2: x, y1: TOP, y2: height - BOTTOM, class: kind });
 }
 
+/** @param {Series} series */
 function legend({ name, colour, dash, dots }) {
   const key = svg("svg", { viewBox: "0 0 20 8", class: "sfkit-chart-key", "aria-hidden": "true" });
   const style = dots ? `fill: ${colour}` : `stroke: ${colour}; stroke-width: 2.5`;
-  const pattern = DASH_PATTERNS[dash ?? "solid"];
+  const pattern = DASH_PATTERNS[dash ?? ""] ?? null;
   key.append(
     dots
       ? svg("circle", { cx: 10, cy: 4, r: 3, style })
@@ -275,17 +195,30 @@ function legend({ name, colour, dash, dots }) {
   return element("span", { class: "sfkit-chart-legend" }, key, name);
 }
 
+/** @param {Chart} chart */
 function described({ x, series, xName }) {
   if (!x.length) return "nothing yet";
   const last = series.filter(({ dots, quiet }) => !dots && !quiet).slice(0, 8);
-  const parts = last.map(({ name, y }) => `${name} ${y.at(-1) == null ? "none" : numberText(y.at(-1))}`);
+  const parts = last.map(({ name, y }) => `${name} ${valueText(y.at(-1))}`);
   return `${xName} ${x[0]} to ${x.at(-1)}; at the end ${parts.join(", ")}`;
 }
 
-/** Values under the pointer, and the x that a click chooses. */
+/** @param {number | null | undefined} value */
+function valueText(value) {
+  return value == null ? "none" : numberText(value);
+}
+
+/**
+ * Values under the pointer, and the x that a click chooses.
+ * @param {SVGElement} drawing
+ * @param {Chart} chart
+ * @param {Scale} toX
+ * @param {Size} size
+ * @param {HTMLElement} readout
+ */
 function follow(drawing, chart, toX, { width, height }, readout) {
   const cursor = upright(0, height, "sfkit-chart-cursor");
-  const nearest = (event) => {
+  const nearest = (/** @type {MouseEvent} */ event) => {
     const box = drawing.getBoundingClientRect();
     const place = ((event.clientX - box.left) / (box.width || 1)) * width;
     return nearestIndex(chart.x.map(toX), clamp(place, LEFT, width - RIGHT));
@@ -297,7 +230,7 @@ function follow(drawing, chart, toX, { width, height }, readout) {
     drawing.append(cursor);
     const parts = chart.series
       .filter(({ y, name }) => y[n] != null && name)
-      .map(({ name, y }) => `${name} ${numberText(y[n])}`);
+      .map(({ name, y }) => `${name} ${valueText(y[n])}`);
     readout.textContent = `${chart.xName} ${chart.x[n]}: ${parts.slice(0, 6).join(", ")}`;
   });
   drawing.addEventListener("pointerleave", () => {

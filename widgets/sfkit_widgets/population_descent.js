@@ -3,16 +3,19 @@
 import { element } from "./_shared.js";
 import { marks } from "./population_grid.js";
 
+/** @typedef {import("./population_shares.js").Evolution} Evolution */
+/** @typedef {import("./population_shares.js").Person} Person */
+
 /**
- * @param {any} now the trait `evolution`
+ * @param {Evolution} now
  * @param {number | null} number who is looked at
  * @param {(number: number) => void} jump go to the generation where an individual first is
  */
 export function descentPanel(now, number, jump) {
-  const person = number === null ? null : now.people[number];
+  const person = now.people[number ?? -1];
   const panel = element("section", { class: "sfkit-population-descent", "aria-label": "Descent" });
   panel.append(element("h4", {}, "Who descends from whom?"));
-  if (!person) {
+  if (!person || number === null) {
     panel.append(element("p", { class: "sfkit-population-hint" }, "Point at an individual, or move to it."));
     return panel;
   }
@@ -24,7 +27,7 @@ export function descentPanel(now, number, jump) {
 }
 
 /**
- * @param {any} now
+ * @param {Evolution} now
  * @param {(number: number) => void} jump
  */
 export function archivePanel(now, jump) {
@@ -38,7 +41,7 @@ export function archivePanel(now, jump) {
 
 /**
  * How an individual came about.
- * @param {{operators: string[], parents: number[]}} person
+ * @param {Pick<Person, "operators" | "parents">} person
  */
 export function made({ operators, parents }) {
   const [first, ...then] = operators;
@@ -51,7 +54,7 @@ export function made({ operators, parents }) {
 
 /**
  * Numbers of those bred from an individual, ascending.
- * @param {Record<string, {parents: number[]}>} people
+ * @param {Record<string, Pick<Person, "parents">>} people
  * @param {number} number
  */
 export function offspring(people, number) {
@@ -59,6 +62,10 @@ export function offspring(people, number) {
   return born.map(([child]) => Number(child));
 }
 
+/**
+ * @param {Evolution} now
+ * @param {number[]} children
+ */
 function offspringText(now, children) {
   if (!children.length) return "None of its offspring survived in the generations shown.";
   const named = children.slice(0, 6).map((child) => `${child} (${now.people[child].operators.join(", ")})`);
@@ -66,6 +73,13 @@ function offspringText(now, children) {
   return `${children.length} surviving offspring: ${named.join("; ")}${more}.`;
 }
 
+/**
+ * A row of number, marks and score.
+ * @param {Evolution} now
+ * @param {number} number
+ * @param {string} name
+ * @param {((number: number) => void) | null} jump
+ */
 function line(now, number, name, jump) {
   const person = now.people[number];
   if (!person) return element("p", {}, `${name} ${number}: not among the generations shown`);
@@ -73,11 +87,8 @@ function line(now, number, name, jump) {
   strip.setAttribute("aria-label", person.sources.map((s) => now.sources[s]).join(", "));
   const row = element("div", { class: "sfkit-population-line" }, element("span", {}, name));
   const title = "Show the generation where it first is";
-  row.append(
-    jump ? element("button", { type: "button", title }, String(number)) : element("b", {}, String(number)),
-    strip,
-    element("span", {}, person.score),
-  );
-  if (jump) row.querySelector("button").addEventListener("click", () => jump(number));
+  const label = jump ? element("button", { type: "button", title }, String(number)) : element("b", {}, String(number));
+  if (jump) label.addEventListener("click", () => jump(number));
+  row.append(label, strip, element("span", {}, person.score));
   return row;
 }

@@ -2,6 +2,8 @@
 
 import { element, gridStep } from "./_shared.js";
 
+/** @typedef {import("./population_shares.js").Evolution} Evolution */
+
 /**
  * @param {HTMLElement} place
  * @param {{look: (number: number) => void, signal: AbortSignal}} hooks look: an individual is pointed at
@@ -11,14 +13,14 @@ export function populationGrid(place, { look, signal }) {
   const more = element("p", { class: "sfkit-population-more" });
   place.append(grid, more);
   let rows = /** @type {{row: HTMLElement, number: number}[]} */ ([]);
-  let now = /** @type {any} */ (null);
+  let now = /** @type {Evolution | null} */ (null);
   let focus = 0;
 
-  const at = (event) => {
+  const at = (/** @type {Event} */ event) => {
     const row = event.target instanceof Element ? event.target.closest("[data-number]") : null;
     return rows.findIndex((entry) => entry.row === row);
   };
-  const point = (n) => {
+  const point = (/** @type {number} */ n) => {
     if (n < 0) return;
     rove(n);
     look(rows[n].number);
@@ -38,33 +40,42 @@ export function populationGrid(place, { look, signal }) {
     { signal },
   );
 
-  /** Tab stops at one row of the grid, the one looked at last. */
+  /**
+   * Tab stops at one row of the grid, the one looked at last.
+   * @param {number} n
+   */
   function rove(n) {
     focus = n;
     rows.forEach(({ row }, k) => (row.tabIndex = k === n ? 0 : -1));
   }
 
+  /** @param {number | null} number */
   function mark(number) {
-    const parents = new Set(now?.people[number]?.parents ?? []);
+    const people = now?.people ?? {};
+    const parents = new Set(number === null ? [] : people[number]?.parents);
     for (const { row, number: own } of rows) {
       row.classList.toggle("sfkit-population-chosen", own === number);
       row.classList.toggle("sfkit-population-parent", parents.has(own));
-      const child = number !== null && (now.people[own]?.parents ?? []).includes(number);
+      const child = number !== null && (people[own]?.parents ?? []).includes(number);
       row.classList.toggle("sfkit-population-child", child);
     }
   }
 
+  /**
+   * @param {Evolution} next
+   * @param {number} generation position of the one to show
+   * @param {number | null} chosen
+   */
   function draw(next, generation, chosen) {
     const held = grid.contains(document.activeElement);
     now = next;
-    const numbers = now.populations[generation];
-    const made = numbers.map((number, n) => ({ row: personRow(now, number, n), number }));
-    rows = made;
-    grid.setAttribute("aria-label", `Individuals of generation ${now.generations[generation]}, best first`);
+    const numbers = next.populations[generation];
+    rows = numbers.map((number, n) => ({ row: personRow(next, number, n), number }));
+    grid.setAttribute("aria-label", `Individuals of generation ${next.generations[generation]}, best first`);
     grid.replaceChildren(...rows.map(({ row }) => row));
-    const hidden = now.totals[generation] - numbers.length;
-    more.textContent = hidden > 0 ? `The best ${numbers.length} of ${now.totals[generation]} individuals.` : "";
-    rove(Math.max(0, numbers.indexOf(chosen)));
+    const hidden = next.totals[generation] - numbers.length;
+    more.textContent = hidden > 0 ? `The best ${numbers.length} of ${next.totals[generation]} individuals.` : "";
+    rove(Math.max(0, numbers.indexOf(chosen ?? -1)));
     if (held) rows[focus]?.row.focus();
     mark(chosen);
   }
@@ -72,6 +83,11 @@ export function populationGrid(place, { look, signal }) {
   return { draw, mark };
 }
 
+/**
+ * @param {Evolution} now
+ * @param {number} number
+ * @param {number} n its rank, from 0
+ */
 function personRow(now, number, n) {
   const person = now.people[number];
   const row = element("div", { class: "sfkit-population-row", role: "row", "data-number": number });
@@ -88,7 +104,7 @@ function personRow(now, number, n) {
 
 /**
  * One mark a source: filled where the individual has it.
- * @param {any} now
+ * @param {Evolution} now
  * @param {{sources: number[]}} person
  * @param {string} role empty for marks that are one picture together
  */

@@ -3,6 +3,34 @@
 import { element } from "./_shared.js";
 
 /**
+ * One candidate, as Python shows it.
+ * @typedef {object} Person
+ * @property {number[]} sources positions of its sources
+ * @property {string} score with its unit
+ * @property {boolean} failed
+ * @property {string[]} operators what made it, in order
+ * @property {number[]} parents numbers
+ * @property {number | null} generation where it is first drawn
+ */
+
+/**
+ * The trait `evolution` of a search that has begun; lists are parallel to `generations`.
+ * @typedef {object} Evolution
+ * @property {string[]} sources
+ * @property {string} metric with its unit
+ * @property {number[]} generations
+ * @property {(number | null)[]} best
+ * @property {(number | null)[]} median
+ * @property {number[][]} share
+ * @property {[number, number, number][]} sizes
+ * @property {number[]} diversity
+ * @property {number[][]} populations numbers, best first
+ * @property {number[]} totals
+ * @property {Record<string, Person>} people
+ * @property {number[]} archive numbers, best first
+ */
+
+/**
  * Columns of all tables of a population, so that a source is followed down one column: a place for the
  * row's name, the sources, and a place for the score.
  * @param {number} sources
@@ -12,7 +40,7 @@ export function sourceColumns(sources) {
 }
 
 /**
- * @param {any} now the trait `evolution`
+ * @param {Evolution} now
  * @param {number} at position of the generation that is shown
  * @param {(position: number) => void} choose
  * @returns {HTMLElement}
@@ -37,6 +65,7 @@ export function shareTable(now, at, choose) {
   return table;
 }
 
+/** @param {string[]} sources */
 function headRow(sources) {
   const names = sources.map((name) =>
     element("span", { class: "sfkit-population-source", role: "columnheader", title: name }, name),
@@ -47,6 +76,10 @@ function headRow(sources) {
   return element("div", { class: "sfkit-population-row sfkit-population-head", role: "row" }, corner, ...names, key);
 }
 
+/**
+ * @param {number} share
+ * @param {string} name
+ */
 function shareCell(share, name) {
   const text = `${Math.round(100 * share)} %`;
   const cell = element("span", { class: "sfkit-population-share", role: "cell", title: `${name}: ${text}` });

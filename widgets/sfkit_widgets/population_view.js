@@ -6,8 +6,12 @@ import { descentPanel, archivePanel } from "./population_descent.js";
 import { populationGrid } from "./population_grid.js";
 import { shareTable, sourceColumns } from "./population_shares.js";
 
+/** @typedef {import("./population_shares.js").Evolution} Evolution */
+/** @typedef {import("./charts.js").Chart} Chart */
+
 const EMPTY = "No generation yet. Press Run or One step of a SearchControl, or call step() on the search.";
 
+/** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
 function render(host) {
   const { root, body, watch, signal, close } = mount(host, { label: "Population", kind: "population" });
   const empty = element("p", { class: "sfkit-population-empty" }, EMPTY);
@@ -32,18 +36,19 @@ function render(host) {
   // What one looks at is each view's own; the latest generation until another is chosen.
   let shown = -1;
   let chosen = /** @type {number | null} */ (null);
+  /** @returns {Evolution} */
   const state = () => host.model.get("evolution");
 
-  const choose = (n) => {
+  const choose = (/** @type {number | null} */ n) => {
     shown = n === null ? -1 : n;
     drawAll();
   };
-  const look = (number) => {
+  const look = (/** @type {number} */ number) => {
     chosen = number;
     drawSide();
     grid.mark(number);
   };
-  const jump = (number) => {
+  const jump = (/** @type {number} */ number) => {
     const { generations, people: all } = state();
     const born = all[number]?.generation;
     if (born !== null && born !== undefined) shown = generations.indexOf(born);
@@ -74,7 +79,7 @@ function render(host) {
     slider.setAttribute("aria-valuetext", `generation ${now.generations[at]}`);
     which.textContent = `${now.generations[at]} of ${now.generations[last]}${shown < 0 ? ", following" : ""}`;
     latest.setAttribute("aria-pressed", String(shown < 0));
-    if (!now.populations[at].includes(chosen)) chosen = chosen in now.people ? chosen : null;
+    if (chosen !== null && !(chosen in now.people)) chosen = null;
     shares.replaceChildren(shareTable(now, at, choose));
     showCharts(charts, timeCharts(now, at, choose));
     grid.draw(now, at, chosen);
@@ -86,11 +91,22 @@ function render(host) {
   return close;
 }
 
+/**
+ * @param {Evolution} now
+ * @param {number} at position of the generation that is shown
+ * @param {(position: number) => void} choose
+ * @returns {Chart[]}
+ */
 function timeCharts(now, at, choose) {
   const common = { xName: "generation", x: now.generations, at: now.generations[at] };
-  const pick = (generation) => choose(now.generations.indexOf(generation));
-  const line = (name, y, colour, dash = "solid") => ({ name, y, colour, dash });
-  const size = (n) => now.sizes.map((triple) => triple[n]);
+  const pick = (/** @type {number} */ generation) => choose(now.generations.indexOf(generation));
+  /**
+   * @param {string} name
+   * @param {(number | null)[]} y
+   * @param {string} colour
+   */
+  const line = (name, y, colour, dash = "") => ({ name, y, colour, dash });
+  const size = (/** @type {number} */ n) => now.sizes.map((triple) => triple[n]);
   return [
     {
       ...common,

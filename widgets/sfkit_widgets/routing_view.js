@@ -3,9 +3,36 @@
 import { element, mount } from "./_shared.js";
 import { onWidth, showCharts } from "./charts.js";
 
+/** @typedef {import("./charts.js").Chart} Chart */
+/** @typedef {Omit<Chart, "title" | "series">} Common what charts over evaluations share */
+
+/**
+ * The trait `trace` of a search that has begun; lists are parallel to `drawn`.
+ * @typedef {object} Trace
+ * @property {string[]} sources
+ * @property {string[]} blocks
+ * @property {[number, number]} gamma
+ * @property {string} metric with its unit
+ * @property {boolean} tied
+ * @property {number[]} drawn numbers of evaluations
+ * @property {number} evaluations
+ * @property {(number | null)[]} score
+ * @property {string[]} text
+ * @property {number[][][]} weights rows are blocks, a single one where they are tied
+ * @property {number[][]} scales
+ * @property {(number | null)[]} incumbent positions in `drawn`
+ * @property {number[]} iterations numbers of evaluations
+ * @property {(number | null)[]} sigma parallel to `iterations`
+ * @property {(number | null)[][]} axes each parallel to `iterations`
+ * @property {number | null} best position in `drawn`
+ * @property {{color: string, dash: string}[]} colours of the sources
+ * @property {[string, string][]} shades background and text
+ */
+
 const NOTHING_YET = "No evaluation yet. Press Run or One step of a SearchControl, or call step() on the search.";
 const MARK = "var(--sf-mark)";
 
+/** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
 function render(host) {
   const { root, body, watch, signal, close } = mount(host, { label: "Routing", kind: "routing" });
   const empty = element("p", { class: "sfkit-routing-empty" }, NOTHING_YET);
@@ -26,7 +53,7 @@ function render(host) {
   body.append(empty, content);
 
   let shown = -1; // position in `drawn`; the best so far until another is chosen
-  const choose = (n) => {
+  const choose = (/** @type {number} */ n) => {
     shown = n;
     draw();
   };
@@ -34,7 +61,7 @@ function render(host) {
   best.addEventListener("click", () => choose(-1), { signal });
 
   function draw() {
-    const now = host.model.get("trace");
+    const now = /** @type {Trace} */ (host.model.get("trace"));
     const ready = now.drawn !== undefined;
     empty.hidden = ready;
     content.hidden = !ready;
@@ -49,7 +76,7 @@ function render(host) {
     which.textContent = `${number} of ${now.evaluations - 1}: ${now.text[at]}${following}`;
     best.setAttribute("aria-pressed", String(shown < 0));
     heat.replaceChildren(heatmap(now, at));
-    const pick = (evaluation) => choose(now.drawn.indexOf(evaluation));
+    const pick = (/** @type {number} */ evaluation) => choose(now.drawn.indexOf(evaluation));
     const common = { xName: "evaluation", x: now.drawn, at: number, pick };
     showCharts(distribution, distributionCharts(now, common));
     showCharts(weights, weightCharts(now, common));
@@ -61,7 +88,11 @@ function render(host) {
   return close;
 }
 
-/** Routing weights of one evaluation: rows are blocks with their scales, columns sources. */
+/**
+ * Routing weights of one evaluation: rows are blocks with their scales, columns sources.
+ * @param {Trace} now
+ * @param {number} at
+ */
 function heatmap(now, at) {
   const table = element("table", {});
   table.append(element("caption", {}, "Routing weights (fraction) and module scales (factor)"));
@@ -76,6 +107,10 @@ function heatmap(now, at) {
   return table;
 }
 
+/**
+ * @param {number} weight
+ * @param {[string, string][]} shades
+ */
 function weightCell(weight, shades) {
   const [background, colour] = shades[Math.round(weight * (shades.length - 1))];
   const style = `background: ${background}; color: ${colour}`;
@@ -91,14 +126,19 @@ export function ofIncumbent(values, incumbent) {
   return incumbent.map((n) => (n === null ? null : values[n]));
 }
 
+/**
+ * @param {Trace} now
+ * @param {Common} common
+ * @returns {Chart[]}
+ */
 function distributionCharts(now, common) {
   const iterations = { ...common, x: now.iterations, at: null, pick: undefined, log: true, height: 100 };
   const longest = now.axes.length - 1;
   const names = now.axes.map((_, n) => (n === 0 ? "shortest" : n === longest ? "longest" : `axis ${n + 1}`));
-  const inner = (n) => n > 0 && n < longest;
-  const axis = (y, n) => {
+  const inner = (/** @type {number} */ n) => n > 0 && n < longest;
+  const axis = (/** @type {(number | null)[]} */ y, /** @type {number} */ n) => {
     const colour = inner(n) ? "var(--sf-muted)" : MARK;
-    const dash = n === 0 && longest > 0 ? "dash" : "solid";
+    const dash = n === 0 && longest > 0 ? "dash" : "";
     return { name: names[n], y, colour, dash, width: inner(n) ? 0.8 : 2, step: true, quiet: inner(n) };
   };
   const score = [
@@ -113,6 +153,11 @@ function distributionCharts(now, common) {
   ];
 }
 
+/**
+ * @param {Trace} now
+ * @param {Common} common
+ * @returns {Chart[]}
+ */
 function weightCharts(now, common) {
   const rows = now.weights[0].map((_, b) => (now.tied ? "all blocks" : now.blocks[b]));
   return rows.map((name, b) => ({
@@ -129,6 +174,11 @@ function weightCharts(now, common) {
   }));
 }
 
+/**
+ * @param {Trace} now
+ * @param {Common} common
+ * @returns {Chart[]}
+ */
 function scaleCharts(now, common) {
   const [low, high] = now.gamma;
   const margin = 0.06 * (high - low);

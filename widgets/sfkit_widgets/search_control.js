@@ -10,6 +10,7 @@ const BUTTONS = [
   ["stop", "Stop", "End after the evaluation under way", "M3 3h10v10H3z"],
 ];
 
+/** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
 function render(host) {
   const label = "Search control";
   const { body, watch, send, announce, signal, close } = mount(host, { label, kind: "control" });
@@ -49,7 +50,7 @@ function render(host) {
     bar.setAttribute("aria-valuenow", String(Math.min(now.done, now.total)));
     fill.style.width = `${percent(now.done, now.total)}%`;
     count.textContent = `${now.done} of at most ${now.total} candidates`;
-    figures.replaceChildren(...now.figures.map(([name, value]) => figure(name, value)));
+    figures.replaceChildren(...now.figures.map((/** @type {[string, string]} */ [name, value]) => figure(name, value)));
     best.replaceChildren(...bestLine(now.best));
     if (heard && heard !== now.phase) announce(`${now.title} ${now.says}`);
     heard = now.phase;
@@ -57,6 +58,7 @@ function render(host) {
   return close;
 }
 
+/** @param {string[]} entry command, text, tip and icon */
 function controlButton([name, text, tip, path]) {
   const icon = svg("svg", { viewBox: "0 0 16 16", class: "sfkit-control-icon", "aria-hidden": "true" });
   icon.append(svg("path", { d: path, fill: "currentColor" }));
@@ -64,12 +66,17 @@ function controlButton([name, text, tip, path]) {
   return element("button", attributes, icon, text);
 }
 
+/**
+ * @param {string} name
+ * @param {string} value
+ */
 function figure(name, value) {
   // No dl: JupyterLab lays those out its own way.
   const label = element("span", { class: "sfkit-control-label" }, name);
   return element("div", { role: "listitem" }, label, element("span", { "data-figure": name }, value));
 }
 
+/** @param {{score: string, candidate: number, sources: string[]} | null} best */
 function bestLine(best) {
   if (!best) return [element("span", { class: "sfkit-control-none" }, "No candidate has a score yet.")];
   return [
