@@ -139,6 +139,9 @@ class Recorded:
         self.calls += 1
         return self.inside.run(recipes)
 
+    def start(self) -> None:
+        self.inside.start()
+
     def describe(self) -> str:
         return "processes: recorded"
 

@@ -61,6 +61,10 @@ class AutoEngine:
         """How many evaluate at a time, by the engine that runs now."""
         return self.picked.workers
 
+    def start(self) -> None:
+        """Make ready what is picked so far."""
+        self.picked.start()
+
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """As the engine that it picks for them; once workers have started they stay."""
         if self.picked is self._inline and self._least is not None and len(recipes) >= self._least:

@@ -33,6 +33,10 @@ class Engine(Protocol):
         """How many evaluate at a time."""
         ...
 
+    def start(self) -> None:
+        """Make networks and workers ready, which the first recipe would do otherwise."""
+        ...
+
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """Evaluate recipes; each result is handed over as soon as it is there, with its number."""
         ...

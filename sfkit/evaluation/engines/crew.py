@@ -92,6 +92,21 @@ class ParallelEngine:
         """How many evaluate at a time; 1 where that is not known before they start."""
         return self._crew.size if self._crew is not None else self._asked or 1
 
+    def start(self) -> None:
+        """Start the workers and wait until all are ready; without this, the first recipe starts them.
+
+        Raises:
+            InputError: as :meth:`run`.
+            SfkitError: as :meth:`run`.
+        """
+        try:
+            crew = self._hired()
+            while len(crew.free()) < crew.size:
+                list(crew.events())  # what they answer to a call that was given up
+        except BaseException:
+            self.close()
+            raise
+
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """Evaluate recipes; each result is handed over as soon as it is there, with its number.
 
@@ -102,9 +117,9 @@ class ParallelEngine:
         """
         if not recipes:
             return
-        self._crew = crew = self._crew or self._hire()
         self._calls += 1
         try:
+            crew = self._hired()
             yield from self._drive(crew, Board(len(recipes), self._images, crew.size), recipes)
         except GeneratorExit:  # what is under way is left to finish: its answers will name another call
             raise
@@ -121,6 +136,11 @@ class ParallelEngine:
         crew, self._crew = self._crew, None
         if crew is not None:
             crew.close()
+
+    def _hired(self) -> Crew:
+        if self._crew is None:
+            self._crew = self._hire()
+        return self._crew
 
     def _drive(self, crew: Crew, board: Board, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         call = self._calls

@@ -45,6 +45,10 @@ class InlineEngine:
             self._worker = Worker(LiveModel(self.pool, device=self.device, mode=self.mode), self.benchmark)
         return self._worker
 
+    def start(self) -> None:
+        """Build the network, which the first recipe would do otherwise."""
+        _ = self.worker
+
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """Evaluate recipes; each result is handed over as soon as it is there, with its number."""
         for number, recipe in enumerate(recipes):
