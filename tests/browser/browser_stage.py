@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from sfkit_widgets._base import SfkitWidget
 
 if TYPE_CHECKING:
@@ -89,6 +90,19 @@ class Stage:
     def settled(self) -> None:
         """Wait until every command sent so far is acknowledged."""
         self.page.wait_for_function(SETTLED)
+
+    def findings(self) -> list[str]:
+        """What axe-core finds serious or critical in the widget's accessibility, a line each."""
+        axe = pytest.importorskip(
+            "axe_playwright_python.sync_playwright", reason="install the extra: pip install sfkit[browser]"
+        )
+        found = axe.Axe().run(self.page, context=".sfkit").response["violations"]
+        return [
+            f"{rule['id']}: {node['target']} {node['failureSummary']}"
+            for rule in found
+            if rule["impact"] in ("serious", "critical")
+            for node in rule["nodes"]
+        ]
 
     def _import(self, body: str, state: Mapping[str, object]) -> None:
         source = base64.b64encode(MODEL.encode()).decode()

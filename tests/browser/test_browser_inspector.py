@@ -347,6 +347,21 @@ def test_a_saved_notebook_shows_the_last_state(stage: Open, evaluator: sfkit.Eva
     assert shown.root.get_attribute("data-theme") == ("dark" if dark else "light")
 
 
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_stands_in_anyone_s_way(
+    stage: Open, evaluator: sfkit.Evaluator, search: sfkit.RoutingSearch, dark: bool
+) -> None:
+    widget = RoutingInspector(evaluator, search=search, tested_on=[evaluator.benchmark])
+    for name in "AB":
+        widget.pin(name)
+    widget.lock("neck", "a", locked=True)
+    widget.remove("b")
+    shown = stage(dark=dark)
+    shown.show_state(widget, error="weight of 'a': is locked, unlock it first")
+    shown.root.get_by_text("Recipe and network").click()
+    assert shown.findings() == []
+
+
 def test_names_are_text_and_never_markup(stage: Open, evaluator: sfkit.Evaluator) -> None:
     shown = stage()
     name = "<img src=x onerror=alert(1)>"

@@ -167,15 +167,14 @@ def test_a_score_comes_when_asked_for(evaluator: Evaluator) -> None:
     assert "1 recipe edited by hand" in inspector.flag
     tell(inspector, "pin", name="A")
     tell(inspector, "weigh", block="neck", source="a", weight=0.0)
-    pin = inspector.pins["A"]
-    assert pin["benchmark"]["state"] == "known"
+    assert {score["state"] for score in inspector.pins["A"].values()} == {"known"}
     assert inspector.scores["state"] == "unknown"
-    assert pin["look"]["score"]["state"] == "known"
+    pictures = inspector.pin_pictures["A"]
     tell(inspector, "show_pair", pair="pair1")
     assert inspector.pair == "pair1"
-    assert inspector.pins["A"]["disparity_picture"] != pin["disparity_picture"]
+    assert inspector.pin_pictures["A"]["disparity"] != pictures["disparity"]
     tell(inspector, "unpin", name="A")
-    assert inspector.pins == {}
+    assert (inspector.pins, inspector.pin_pictures) == ({}, {})
 
 
 def test_a_reduced_look_is_followed_by_the_full_one(

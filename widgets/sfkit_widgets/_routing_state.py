@@ -88,13 +88,19 @@ def look_state(look: PairLook, preview: PairPreview) -> State:
 
 
 def pins_state(bench: RoutingWorkbench) -> State:
-    """By pin: pictures, score on the pair, score on the benchmark, and whether it is the recipe on show."""
+    """By pin: score on the pair, and on the whole benchmark."""
+    return {
+        name: {"pair": score_state(pin.look.score), "benchmark": score_state(bench.known_score(pin.recipe))}
+        for name, pin in bench.pins.items()
+    }
+
+
+def pin_pictures(bench: RoutingWorkbench) -> State:
+    """By pin: its pictures, apart from the scores since these change more often."""
     return {
         name: {
-            **look_state(pin.look, bench.preview),
-            "benchmark": score_state(bench.known_score(pin.recipe)),
-            "sources": sum(any(column) for column in zip(*pin.recipe.weights, strict=True)),
-            "shown": pin.recipe == bench.recipe,
+            "disparity": disparity_picture(pin.look.disparity, bench.preview.limits),
+            "error": error_picture(pin.look.error, bench.preview.threshold),
         }
         for name, pin in bench.pins.items()
     }

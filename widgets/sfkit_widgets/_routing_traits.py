@@ -172,10 +172,16 @@ class RoutingTraits(SfkitWidget):
     """
 
     pins = traitlets.Dict().tag(sync=True)
-    """Pinned recipes A and B: pictures, `look`, `benchmark` (as `scores`), `sources` that weigh anything, and
-    whether it is the recipe on show.
+    """Scores of the pinned recipes "A" and "B": of the `pair` and of the `benchmark`, as `scores`.
 
-    - Type: `dict[str, dict]`
+    - Type: `dict[str, dict]`, the metric's unit
+    - Default: `{}`
+    """
+
+    pin_pictures = traitlets.Dict().tag(sync=True)
+    """Pictures of the pinned recipes: `disparity` and `error`.
+
+    - Type: `dict[str, dict[str, bytes]]`, JPEG
     - Default: `{}`
     """
 

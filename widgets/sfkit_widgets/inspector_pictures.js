@@ -129,7 +129,6 @@ class Shown {
    * @param {Picture} error
    */
   constructor(view, model, disparity, error) {
-    Object.assign(this, { view, model, disparity, error });
     this.view = view;
     this.model = model;
     this.disparity = disparity;
@@ -140,7 +139,7 @@ class Shown {
     this.blink = element("button", { type: "button", "aria-pressed": "false" }, "Blink");
     this.blink.addEventListener("click", () => this.toggle(), { signal: view.signal });
     this.bar = element("div", { class: "buttons", hidden: true }, this.choices, this.blink);
-    view.watch(["pins", "disparity_picture", "error_picture", "look"], () => this.draw());
+    view.watch(["pin_pictures", "disparity_picture", "error_picture", "look"], () => this.draw());
     // An edit is what one wants to see, whatever pin is on show.
     view.watch(["recipe_json"], () => this.turn(this.clock ? this.shown : EDITED));
     view.signal.addEventListener("abort", () => clearInterval(this.clock));
@@ -154,7 +153,7 @@ class Shown {
   }
 
   get pinned() {
-    return Object.keys(this.model.get("pins")).sort();
+    return Object.keys(this.model.get("pin_pictures")).sort();
   }
 
   /** @param {string} name */
@@ -164,7 +163,7 @@ class Shown {
   }
 
   draw() {
-    const pins = this.model.get("pins");
+    const pins = this.model.get("pin_pictures");
     if (this.clock && this.pinned.length === 0) this.toggle();
     if (this.shown !== EDITED && !(this.shown in pins)) this.shown = EDITED;
     this.bar.hidden = this.pinned.length === 0;
@@ -178,13 +177,13 @@ class Shown {
     );
     const held = this.shown === EDITED ? null : pins[this.shown];
     const of = held ? ` of ${this.shown}` : "";
-    const { reduction } = held ? held.look : this.model.get("look");
+    const reduction = held ? 1 : this.model.get("look").reduction;
     const size = reduction > 1 ? ` (at 1/${reduction} size)` : "";
-    const picture = (/** @type {string} */ name) => (held ? held[name] : this.model.get(name));
+    const picture = (/** @type {string} */ name) => (held ? held[name] : this.model.get(`${name}_picture`));
     const sent = this.view.root.dataset.acknowledged ?? "0";
     Promise.all([
-      this.disparity.show(picture("disparity_picture"), `disparity${of}${size}`),
-      this.error.show(picture("error_picture"), `error${of}${size}`),
+      this.disparity.show(picture("disparity"), `disparity${of}${size}`),
+      this.error.show(picture("error"), `error${of}${size}`),
     ]).then(() => (this.view.root.dataset.painted = sent));
   }
 }

@@ -95,7 +95,7 @@ export function scoreTable(view, model) {
       element(
         "tbody",
         {},
-        row("this pair", look.score, shown, (pin) => pin.look.score),
+        row("this pair", look.score, shown, (pin) => pin.pair),
         row(`${benchmark}, ${pairs} pairs`, scores, own, (pin) => pin.benchmark),
       ),
     );

@@ -196,20 +196,20 @@ class RoutingInspector(RoutingTraits):
         self._bench.choose_pair(pair)
         self._set(**state.pair_state(self._bench.preview))
         self._draw(self._bench.look)
-        self._show_scores()
+        self._show_pins()
 
     @command
     def pin(self, name: str) -> None:
         """Keep the recipe as A or B, to compare with."""
         self._bench.pin(name)
         self._draw(self._bench.look)
-        self._show_scores()
+        self._show_pins()
 
     @command
     def unpin(self, name: str) -> None:
         """Let A or B go."""
         self._bench.unpin(name)
-        self._show_scores()
+        self._show_pins()
 
     @command
     def score(self) -> None:
@@ -269,6 +269,10 @@ class RoutingInspector(RoutingTraits):
             self._scoring = None
             self._show_scores()
             self.flag = state.flag_text(self._bench, self._bench.seen_by_hand())
+
+    def _show_pins(self) -> None:
+        self.pin_pictures = state.pin_pictures(self._bench)
+        self._show_scores()
 
     def _show_scores(self) -> None:
         self.scores = state.benchmark_state(self._bench, self._scoring)

@@ -1,0 +1,180 @@
+"""How soon an edit in the RoutingInspector shows: from a key or a drag in JupyterLab to changed pixels.
+
+    python benchmarks/inspector_latency.py [--edits 40] [--json]
+
+A notebook in JupyterLab, in headless Chromium on this machine, with the kernel it starts. An edit is a key
+press that changes a routing weight; the clock runs from the browser's time stamp of the key to the second
+frame after the disparity picture was exchanged. ``first`` is the first new picture (at reduced size where the
+network is slow), ``full`` the last one. Bytes are those of all messages the page receives, edits divided out.
+The real AnyNet pool is measured where SFKIT_REAL_DATA names its folder.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Browser, sync_playwright
+
+ROOT = Path(__file__).parents[1]
+sys.path[:0] = [str(ROOT / "tests" / "browser"), str(ROOT / "tests")]
+
+from browser_lab import Notebook, Server, serving
+
+FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking")
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+
+BANK = """
+import sfkit
+from sfkit_widgets import RoutingInspector
+pool = sfkit.open_pool("bank")
+scorer = sfkit.Evaluator(pool, sfkit.open_benchmark("bank:courtyard", pairs=2))
+"""
+REAL = """
+import os, sfkit
+from pathlib import Path
+from sfkit_widgets import RoutingInspector
+pool = sfkit.open_pool({pool!r})
+pairs = Path(os.environ["SFKIT_REAL_DATA"]) / "pairs" / "motorcycle"
+scorer = sfkit.Evaluator(pool, sfkit.open_benchmark("pairs", pairs, metric="bad-3.0"))
+"""
+SHOW = "inspector = RoutingInspector(scorer, tied=False)\ninspector"
+
+WATCH = """() => {
+    const root = document.querySelector(".sfkit-inspector");
+    const picture = [...root.querySelectorAll("figure")].find((f) => f.innerText.startsWith("disparity"));
+    const log = { pressed: 0, shown: [] };
+    window.latency = log;
+    root.addEventListener("keydown", (event) => {
+        if (event.key === "+" || event.key === "-") Object.assign(log, { pressed: event.timeStamp, shown: [] });
+    }, true);
+    new MutationObserver(() => requestAnimationFrame(() => requestAnimationFrame(
+        () => log.shown.push([performance.now() - log.pressed, picture.innerText.includes(" size)")])
+    ))).observe(picture.querySelector("img"), { attributeFilter: ["src"] });
+}"""
+PAINTED = """() => {
+    const { sent, acknowledged } = document.querySelector(".sfkit-inspector").dataset;
+    return sent === acknowledged && window.latency.shown.at(-1)?.[1] === false;
+}"""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One pool: sizes in pixels, times in milliseconds, bytes an edit."""
+
+    pool: str
+    width: int
+    height: int
+    edits: int
+    first_median: float
+    first_p95: float
+    full_median: float
+    full_p95: float
+    kernel_median: float
+    received: float
+
+
+def measured(browser: Browser, server: Server, name: str, cells: list[str], edits: int) -> Record:
+    """Open a notebook with an inspector, edit one weight up and down, and time every edit."""
+    server.write(f"{name}.ipynb", cells)
+    context = browser.new_context(viewport={"width": 1280, "height": 1000})
+    page = context.new_page()
+    received: list[int] = []
+    page.on("websocket", lambda ws: ws.on("framereceived", lambda data: received.append(len(data))))
+    notebook = Notebook(page, server, f"{name}.ipynb", "jupyterlab")
+    notebook.run_all()
+    page.wait_for_selector(".sfkit-inspector figure img[src^=blob]")
+    page.evaluate(WATCH)
+    page.locator("[role=gridcell]").first.focus()
+    first, full, kernel = [], [], []
+    for number in range(-5, edits):
+        page.keyboard.press("+" if number % 2 else "-")
+        page.wait_for_function(PAINTED)
+        shown = page.evaluate("window.latency.shown")
+        before = len(received)
+        if number < 0:  # warming up
+            received.clear()
+            continue
+        first.append(shown[0][0])
+        full.append(shown[-1][0])
+        kernel.append(notebook.evaluate("inspector.look['milliseconds']"))
+        del received[before:]  # the question just asked is no part of the edit
+    height, width = notebook.evaluate("inspector.size")
+    context.close()
+    times = [(np.median(values), np.percentile(values, 95)) for values in (first, full)]
+    (first_median, first_p95), (full_median, full_p95) = [(float(a), float(b)) for a, b in times]
+    return Record(
+        name,
+        width,
+        height,
+        edits,
+        first_median,
+        first_p95,
+        full_median,
+        full_p95,
+        float(np.median(kernel)),
+        sum(received) / edits,
+    )
+
+
+def measure(edits: int = 40) -> list[Record]:
+    """The embedded bank and, where its data is, the real AnyNet pool."""
+    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    if path is None:
+        raise SystemExit(
+            "no Chromium found: install the distribution's, for instance apt-get install chromium"
+        )
+    worlds = {"embedded bank": [BANK, SHOW]}
+    if os.environ.get("SFKIT_REAL_DATA"):
+        pool = str(ROOT / "tests" / "pools" / "anynet_real.toml")
+        worlds["real AnyNet"] = [REAL.format(pool=pool), SHOW]
+    os.environ.pop("OMP_NUM_THREADS", None)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        serving(Path(folder), "jupyterlab") as server,
+        sync_playwright() as playwright,
+    ):
+        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        found = [measured(browser, server, name, cells, edits) for name, cells in worlds.items()]
+        browser.close()
+        server.end_kernels()
+    return found
+
+
+def table(records: Sequence[Record]) -> str:
+    """The records as Markdown."""
+    lines = [
+        "| pool | image | first picture, median | 95th percentile | full size, median | 95th percentile | "
+        "network alone | received an edit |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    lines += [
+        f"| {r.pool} | {r.width}x{r.height} | {r.first_median:.0f} ms | {r.first_p95:.0f} ms | "
+        f"{r.full_median:.0f} ms | {r.full_p95:.0f} ms | {r.kernel_median:.0f} ms | {r.received / 1000:.0f} kB |"
+        for r in records
+    ]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--edits", type=int, default=40, help="edits that are timed in each pool")
+    parser.add_argument("--json", action="store_true", help="print records instead of a table")
+    given = parser.parse_args(arguments)
+    records = measure(given.edits)
+    plain: list[dict[str, Any]] = [asdict(record) for record in records]
+    print(json.dumps(plain, indent=2) if given.json else table(records))
+
+
+if __name__ == "__main__":
+    main()
