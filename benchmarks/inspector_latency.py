@@ -26,7 +26,7 @@ import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "tests" / "browser"), str(ROOT / "tests")]
+sys.path.insert(0, str(ROOT / "tests" / "browser"))
 
 from browser_lab import Notebook, Server, serving
 
@@ -55,7 +55,7 @@ WATCH = """() => {
     const log = { pressed: 0, shown: [] };
     window.latency = log;
     root.addEventListener("keydown", (event) => {
-        if (event.key === "+" || event.key === "-") Object.assign(log, { pressed: event.timeStamp, shown: [] });
+        if ("+-".includes(event.key)) Object.assign(log, { pressed: event.timeStamp, shown: [] });
     }, true);
     new MutationObserver(() => requestAnimationFrame(() => requestAnimationFrame(
         () => log.shown.push([performance.now() - log.pressed, picture.innerText.includes(" size)")])
@@ -159,7 +159,8 @@ def table(records: Sequence[Record]) -> str:
     ]
     lines += [
         f"| {r.pool} | {r.width}x{r.height} | {r.first_median:.0f} ms | {r.first_p95:.0f} ms | "
-        f"{r.full_median:.0f} ms | {r.full_p95:.0f} ms | {r.kernel_median:.0f} ms | {r.received / 1000:.0f} kB |"
+        f"{r.full_median:.0f} ms | {r.full_p95:.0f} ms | {r.kernel_median:.0f} ms | "
+        f"{r.received / 1000:.0f} kB |"
         for r in records
     ]
     return "\n".join(lines)

@@ -30,7 +30,7 @@ LONGEST = 960
 """Pixels of a picture's longest side; larger maps lose rows and columns."""
 
 MIME = "image/jpeg"
-_QUALITY = 92
+_QUALITY = 88
 _SHADES = 101
 
 

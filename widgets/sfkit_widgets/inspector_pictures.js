@@ -146,6 +146,10 @@ class Shown {
   }
 
   toggle() {
+    if (window.matchMedia("(prefers-reduced-motion: reduce)").matches) {
+      this.turn(blinked(this.shown, this.pinned)); // by hand: one press, one turn
+      return;
+    }
     clearInterval(this.clock);
     this.clock = this.clock ? 0 : window.setInterval(() => this.turn(blinked(this.shown, this.pinned)), BLINK);
     this.blink.setAttribute("aria-pressed", String(this.clock !== 0));
