@@ -36,6 +36,7 @@ from sfkit.places import open_benchmark, open_benchmarks, open_pool
 from sfkit.search import (
     Constraints,
     Journal,
+    LiveSearch,
     RoutingSearch,
     RoutingSettings,
     SubsetSearch,
@@ -57,6 +58,7 @@ __all__ = [
     "InputError",
     "Journal",
     "LiveModel",
+    "LiveSearch",
     "Outcome",
     "PadSides",
     "Pool",

@@ -12,6 +12,7 @@ from sfkit.search.cma_es import Distribution
 from sfkit.search.constraints import Constraints, subset_of, transfer
 from sfkit.search.encoding import Encoding, mean_entropy
 from sfkit.search.journal import Journal, last_run, read_journal
+from sfkit.search.live import LiveSearch
 from sfkit.search.operators import SubsetSpace
 from sfkit.search.records import Candidate, Counts, Generation
 from sfkit.search.routing import RoutingCandidate, RoutingSearch, RoutingState
@@ -26,6 +27,7 @@ __all__ = [
     "Encoding",
     "Generation",
     "Journal",
+    "LiveSearch",
     "RoutingCandidate",
     "RoutingSearch",
     "RoutingSettings",
