@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
 
-ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "browser"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "browser"))
 
 from browser_lab import Notebook, Server, serving
 
+ROOT = Path(__file__).parents[1]
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking")
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
