@@ -166,7 +166,8 @@ def test_auto_stays_inline_on_one_device(
     assert isinstance(engine.picked, InlineEngine)
     said = engine.describe()
     assert said.startswith("auto picked inline: one evaluation at a time on cpu, ")
-    assert "one CPU: name workers" in said or "one GPU: name workers" in said
+    one = "the CPU" if options["device"] == "cpu" else "one GPU"
+    assert said.endswith(f"({one} is one device: name workers to run several evaluations at a time on it)")
 
 
 def test_auto_starts_workers_on_several_gpus_once_there_is_work_for_them(

@@ -57,7 +57,10 @@ def test_worker_processes_print_what_the_inline_engine_prints(capsys: pytest.Cap
         line = f"evaluate pool {PAIRS} --members --uniform --json"
         code, out, errors = run(line, capsys)
         assert code == 0
-        assert "engine: auto picked inline: one evaluation at a time on cpu, 1 thread (one CPU" in errors
+        assert (
+            "engine: auto picked inline: one evaluation at a time on cpu, 1 thread (the CPU is one device"
+            in errors
+        )
         code, shared, errors = run(f"{line} --engine processes --workers 1", capsys)
         assert code == 0
         assert "engine: processes: 1 worker on cpu, 1 thread each" in errors

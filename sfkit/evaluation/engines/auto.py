@@ -85,8 +85,8 @@ class AutoEngine:
         gpus = torch.cuda.device_count() if self._device == "cuda" else 1
         workers = self._workers or (gpus if self._device == "cuda" else 1)
         if workers == 1:
-            one = f"one {'CPU' if self._device == 'cpu' else 'GPU'}"
-            return None, f"{one}: name workers to evaluate several recipes at a time"
+            one = "the CPU" if self._device == "cpu" else "one GPU"
+            return None, f"{one} is one device: name workers to run several evaluations at a time on it"
         try:
             module_of(self._pool)
         except InputError as error:

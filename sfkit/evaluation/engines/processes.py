@@ -1,4 +1,7 @@
-"""The processes engine: persistent worker processes, one a device, or several sharing the CPU."""
+"""The processes engine: persistent worker processes, one a device, or several sharing the CPU.
+
+It has run on CPUs only, on no GPU yet.
+"""
 
 from __future__ import annotations
 
@@ -181,7 +184,8 @@ def process_engine(
         pool: whose networks are merged; each worker opens its files again.
         benchmark: prepared for the pool's architecture; each worker reads its files again.
         device: ``"cpu"``; ``"cuda"`` for all GPUs in turn; ``"cuda:0"`` for one.
-        workers: how many; one a GPU, or one a CPU core, unless given.
+        workers: how many; one a GPU, or one a CPU core, unless given. Each holds a network and the images;
+            task vectors of big pools lie in mapped files that all share.
         mode: how forward passes compute.
         threads: of torch in each worker; this process's threads are shared out unless given.
         start_seconds: how long a worker may take to get ready.

@@ -1,7 +1,8 @@
 """The ray engine: the same worker as a Ray actor, on as many machines as the cluster has.
 
 Pool and images go into Ray's object store once. Workers of one machine share that memory, and need no
-files: only sfkit, and the module of an architecture that is not sfkit's own.
+files: only sfkit, and the module of an architecture that is not sfkit's own. It has run on clusters of
+CPUs only, on no GPU yet.
 """
 
 from __future__ import annotations
