@@ -6,6 +6,7 @@ import { element } from "./_shared.js";
 /** @typedef {import("./compare_camera.js").Camera} Camera */
 /** @typedef {import("./compare_camera.js").Size} Size */
 /** @typedef {HTMLCanvasElement | HTMLImageElement | null} Picture */
+/** @typedef {{title: string, note: string, pictures: Picture[]}} Content one picture, or two to swipe */
 /** @typedef {{camera: Camera, image: Size, cursor: number[], divider: number,
  *   box: {x: number, y: number, width: number, height: number} | null}} Frame */
 
@@ -14,17 +15,18 @@ const SHARPEST = 2; // canvas pixels for one of the page, at most
 export class Panel {
   /**
    * @param {string} key
-   * @param {() => {title: string, note: string, pictures: Picture[]}} content one picture, or two to swipe
+   * @param {() => Content} content
    */
   constructor(key, content) {
     this.key = key;
     this.content = content;
+    /** @type {HTMLCanvasElement} */
     this.canvas = element("canvas", { role: "img", "data-panel": key });
     this.title = element("strong");
     this.note = element("span", { class: "sfkit-compare-note" });
     this.caption = element("figcaption", {}, this.title, this.note);
     this.figure = element("figure", { "data-panel": key }, this.caption, this.canvas);
-    this.context = this.canvas.getContext("2d");
+    this.context = /** @type {CanvasRenderingContext2D} */ (this.canvas.getContext("2d"));
   }
 
   /**

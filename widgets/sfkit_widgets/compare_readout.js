@@ -180,3 +180,22 @@ export function regionText({ pixels, above, mean, worst }) {
   if (worst === null || mean === null) return `${size}, not finite`;
   return `${size}: mean ${pixelText(mean)}, worst ${pixelText(worst)}`;
 }
+
+/**
+ * A button for each region; the one in focus stays in focus.
+ * @param {HTMLElement} list
+ * @param {Region[]} regions
+ * @param {number} pressed
+ */
+export function fillRegions(list, regions, pressed) {
+  const buttons = regions.map((region, i) =>
+    element(
+      "button",
+      { type: "button", "data-number": i, "aria-pressed": String(i === pressed) },
+      regionText(region),
+    ),
+  );
+  const focused = list.contains(document.activeElement);
+  list.replaceChildren(...buttons.map((button) => element("li", {}, button)));
+  if (focused) buttons[pressed]?.focus();
+}

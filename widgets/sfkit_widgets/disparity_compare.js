@@ -1,20 +1,18 @@
 // DisparityCompare: panels of one pair under one camera and one cursor.
 
 import { cameraOn, heldCamera } from "./compare_camera.js";
+import { leftContent, networkContent, stageContent, truthContent } from "./compare_contents.js";
 import { listenToKeys, listenToMouse, zoomAt } from "./compare_gestures.js";
 import { layOut } from "./compare_layout.js";
 import { Look } from "./compare_look.js";
 import { Panel } from "./compare_panel.js";
 import { Pictures } from "./compare_pictures.js";
-import { colourBars, fillValues, regionText, valuesText } from "./compare_readout.js";
-import { clamp, element, mount } from "./_shared.js";
-
-/** @typedef {import("./compare_panel.js").Picture} Picture */
+import { colourBars, fillRegions, fillValues, regionText, valuesText } from "./compare_readout.js";
+import { clamp, listen, mount } from "./_shared.js";
 
 const BLINK = 700; // ms for each of the two
 const SAY_AFTER = 400; // ms without a move before the values are read out
 const TALLEST = 560; // px of a panel that stands alone
-const LETTERS = ["A", "B"];
 
 class Compare {
   /** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
@@ -23,6 +21,7 @@ class Compare {
     this.view = mount(host, { label: "Compare disparities", kind: "compare" });
     const { signal, root } = this.view;
     this.look = new Look(this.model, root, signal, () => this.ask());
+    this.pictures = this.load();
     /** @type {Panel[]} */
     this.panels = [];
     this.drawn = { panels: "", bars: "", regions: "", values: "" };
@@ -35,7 +34,16 @@ class Compare {
     this.handled = this.gestures();
     listenToMouse(this.handled, signal);
     listenToKeys(this.handled, signal);
-    this.view.watch("scene", () => this.enter());
+    listen(
+      this.model,
+      "change:scene",
+      () => {
+        this.pictures = this.load();
+        this.enter();
+      },
+      signal,
+    );
+    this.enter();
     this.view.watch(["pairs", "error"], () => this.ask());
     const observer = new ResizeObserver(() => this.ask());
     observer.observe(this.parts.area);
@@ -96,10 +104,13 @@ class Compare {
     return true;
   }
 
+  load() {
+    return new Pictures(this.model.get("scene"), this.model.get("palettes"), () => this.ask());
+  }
+
   /** A scene has come. */
   enter() {
-    const scene = this.model.get("scene");
-    this.pictures = new Pictures(scene, this.model.get("palettes"), () => this.ask());
+    const { scene } = this.pictures;
     this.drawn = { panels: "", bars: "", regions: "", values: "" };
     this.region = { of: "", number: -1 };
     const scores = scene.networks.map(({ name, score }) => `${name} ${score}`).join("; ");
@@ -173,7 +184,7 @@ class Compare {
 
   /** Draw with the next frame. */
   ask() {
-    if (this.frame || !this.pictures) return;
+    if (this.frame) return;
     this.frame = requestAnimationFrame(() => {
       this.frame = 0;
       this.draw();
@@ -195,7 +206,11 @@ class Compare {
     this.once("bars", [shown, this.limits()], () =>
       this.parts.bars.replaceChildren(...colourBars(this.pictures, shown, this.limits())),
     );
-    this.once("regions", [second, this.region.number], () => this.showRegions(second));
+    this.once("regions", [second, this.region.number], () => {
+      const { regions } = scene.networks[second];
+      fillRegions(this.parts.regions, regions, this.region.number);
+      this.parts.none.textContent = regions.length ? "" : "No region of 8 or more bad pixels.";
+    });
   }
 
   /**
@@ -217,9 +232,14 @@ class Compare {
     this.once("panels", [arrangement, this.names()], () => {
       const { width, height } = this.pictures.scene;
       const alone = arrangement !== "side by side";
-      const networks = this.names().map((_, number) => new Panel(`network ${number}`, () => this.content(number)));
-      const stage = [new Panel("stage", () => this.stage())];
-      const scene = [new Panel("left", () => this.left()), new Panel("truth", () => this.truth())];
+      const networks = this.names().map(
+        (_, number) => new Panel(`network ${number}`, () => networkContent(this.content(), number)),
+      );
+      const stage = [new Panel("stage", () => stageContent(this.content(), arrangement, this.blink.second))];
+      const scene = [
+        new Panel("left", () => leftContent(this.content())),
+        new Panel("truth", () => truthContent(this.content())),
+      ];
       this.panels = alone ? [...stage, ...scene] : [...scene, ...networks];
       const { area } = this.parts;
       area.setAttribute("aria-label", `panels of pair ${this.pictures.scene.pair}`);
@@ -232,46 +252,16 @@ class Compare {
     });
   }
 
+  /** @returns {import("./compare_contents.js").Shown} */
+  content() {
+    const [first, second] = this.chosen();
+    return { pictures: this.pictures, shown: this.look.now.shown, limits: this.limits(), first, second };
+  }
+
   turnOver() {
     if (this.blink.paused || document.hidden) return;
     this.blink.second = !this.blink.second;
     this.ask();
-  }
-
-  left() {
-    return { title: "left image", note: "", pictures: [this.pictures.photograph] };
-  }
-
-  truth() {
-    const note = `${this.pictures.scene.protocol}; hatched: no value`;
-    return { title: "ground truth", note, pictures: [this.pictures.groundTruth(this.limits())] };
-  }
-
-  /** @param {number} number of the network */
-  content(number) {
-    const [reference] = this.chosen();
-    const { name, score, against } = this.pictures.scene.networks[number];
-    const { shown } = this.look.now;
-    const look = { shown, limits: this.limits(), reference };
-    const { fixed, broken } = against[reference];
-    const better = shown === "better" && number !== reference;
-    const note = better
-      ? `against ${this.names()[reference]}: ${fixed.toFixed(1)} % fixed, ${broken.toFixed(1)} % broken`
-      : score;
-    const kind = better ? "better where" : shown === "better" ? "error" : shown;
-    return { title: `${name}: ${kind}`, note, pictures: [this.pictures.network(number, look)] };
-  }
-
-  /** The large panel: A and B with a divider, or one of them. */
-  stage() {
-    const both = this.chosen().map((number) => this.content(number));
-    const names = both.map(({ title }, i) => `${LETTERS[i]} ${title}`);
-    if (this.look.now.arrangement === "blink") {
-      const at = this.blink.second ? 1 : 0;
-      return { ...both[at], title: names[at] };
-    }
-    const pictures = both.flatMap((content) => content.pictures);
-    return { title: names.join(" | "), note: both.map(({ note }) => note).join(" | "), pictures };
   }
 
   showControls() {
@@ -293,21 +283,6 @@ class Compare {
     parts.pause.hidden = arrangement !== "blink";
     parts.pause.setAttribute("aria-pressed", String(!this.blink.paused));
     parts.pause.textContent = this.blink.paused ? "blink" : "blinking";
-  }
-
-  /** @param {number} number of the network */
-  showRegions(number) {
-    const { name, regions } = this.pictures.scene.networks[number];
-    const entries = regions.map((region, i) => {
-      const pressed = String(this.region.of === name && this.region.number === i);
-      const button = element("button", { type: "button", "data-number": i, "aria-pressed": pressed });
-      button.textContent = regionText(region);
-      return element("li", {}, button);
-    });
-    const focused = this.parts.regions.contains(document.activeElement);
-    this.parts.regions.replaceChildren(...entries);
-    if (focused) entries[this.region.number]?.firstElementChild?.focus();
-    this.parts.none.textContent = regions.length ? "" : "No region of 8 or more bad pixels.";
   }
 }
 
