@@ -359,3 +359,10 @@ def test_nothing_runs_on_when_it_is_closed(shown: Callable[..., Stage]) -> None:
     assert opened.root.locator("figure[data-panel='stage'] strong").inner_text() == opened.page.evaluate(
         "window.seen"
     )
+
+
+@pytest.mark.parametrize("dark", [False, True])
+@pytest.mark.parametrize("arrangement", ["side by side", "swipe", "blink"])
+def test_axe_finds_nothing_serious(shown: Callable[..., Stage], arrangement: str, dark: bool) -> None:
+    opened = shown(dark=dark, arrangement=arrangement, shown="better", cursor=[35, 10])
+    assert opened.findings() == []

@@ -137,7 +137,7 @@ export function colourBars(pictures, shown, limits) {
     }));
     bars.push(
       colourBar({
-        label: `error (px), bad beyond ${shortNumber(scene.threshold)}`,
+        label: `error (px), threshold ${shortNumber(scene.threshold)}`,
         table: tables.error,
         ticks: ends(ticks),
         mark: 0.5,
