@@ -193,6 +193,8 @@ class Notebook:
         """Change to another theme, such as ``JupyterLab Dark``."""
         self.command("apputils:change-theme", theme=name)
         self.page.wait_for_function(f"() => document.body.dataset.jpThemeName === {json.dumps(name)}")
+        # JupyterLab stumbles over a second change while it takes away the curtain of the first.
+        self.page.wait_for_selector("#jupyterlab-splash", state="detached")
 
     def save(self) -> Path:
         """Save the notebook with its widgets; the file."""

@@ -44,10 +44,7 @@ def test_in_jupyterlab(lab: Callable[..., Notebook]) -> None:
     page.wait_for_selector(KEPT)
     notebook.theme("JupyterLab Dark")
     page.wait_for_selector(".sfkit[data-theme='dark'][data-host='jupyter']")
-    # JupyterLab stumbles over a second change while it takes away the curtain of the first.
-    page.wait_for_selector("#jupyterlab-splash", state="detached")
     notebook.theme("JupyterLab Light")
-    page.wait_for_selector("#jupyterlab-splash", state="detached")
     saved = nbformat.read(notebook.save(), as_version=4)
     states = saved.metadata["widgets"]["application/vnd.jupyter.widget-state+json"]["state"]
     (state,) = [entry for entry in states.values() if "scene" in entry["state"]]
