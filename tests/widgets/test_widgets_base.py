@@ -73,6 +73,24 @@ def test_arguments_must_fit() -> None:
     assert widget.total == 0
 
 
+def test_cells_may_call_commands_where_errors_raise() -> None:
+    widget = Probe()
+    with pytest.raises(InputError, match="found -1"):
+        widget.add(-1)
+    assert (widget.error, widget.acknowledged) == ("", {})
+
+
+def test_a_command_of_a_cell_waits_for_the_widget() -> None:
+    widget = Probe()
+    with widget.changing():
+        cell = threading.Thread(target=widget.add, args=(1,))
+        cell.start()
+        cell.join(0.2)
+        assert widget.total == 0
+    cell.join()
+    assert widget.total == 1
+
+
 def test_views_are_acknowledged_apart_and_old_ones_forgotten() -> None:
     widget = Probe()
     for number in range(40):

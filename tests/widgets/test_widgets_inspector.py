@@ -189,6 +189,16 @@ def test_a_reduced_look_is_followed_by_the_full_one(
     assert inspector.look["score"]["state"] == "known"
 
 
+def test_the_score_on_the_pair_is_of_the_full_size(
+    evaluator: Evaluator, inspector: RoutingInspector, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(previews, "QUICK_SECONDS", 1e-9)
+    inspector.weigh("neck", "a", 0.9)
+    expected = evaluator.evaluate([inspector.recipe])[0].images[0].value("bad-2.0")
+    assert inspector.pair_score == expected
+    assert inspector.look["score"] == {"state": "known", "value": expected}
+
+
 def test_a_network_that_fails_is_said_and_the_edit_stays(
     inspector: RoutingInspector, monkeypatch: pytest.MonkeyPatch
 ) -> None:

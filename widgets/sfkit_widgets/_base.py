@@ -70,6 +70,10 @@ class SfkitWidget(anywidget.AnyWidget):
         super().__init__(**state, **settings)
         self.on_msg(self._receive)
 
+    def __repr__(self) -> str:
+        """What stands where no widget can: plain, and the same in every run."""
+        return f"{type(self).__name__}: a widget, drawn where the notebook is opened in Jupyter"
+
     @classmethod
     def refuse_unknown(cls, settings: Iterable[str], also: Iterable[str] = ()) -> None:
         """Refuse settings of other names than the class has, for one that must not begin with a wrong one.

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from sfkit.errors import InputError, SfkitError, unknown_name
 
@@ -16,13 +17,20 @@ _MARK = "_sfkit_command"
 
 
 def command(method: Method) -> Method:
-    """Let the front end call a method by its name, with keyword arguments of plain JSON values.
+    """Let the front end call a method of a widget by its name, with keyword arguments of plain JSON values.
 
     Nothing else can be called from the browser. The method may raise: the sentence of an
-    :class:`~sfkit.errors.SfkitError`, or kind and place of any other exception, appears in the widget.
+    :class:`~sfkit.errors.SfkitError`, or kind and place of any other exception, appears in the widget. Cells
+    may call it, too: it takes the widget's lock, and there it raises.
     """
-    setattr(method, _MARK, True)
-    return method
+
+    @functools.wraps(method)
+    def alone(widget: Any, *arguments: Any, **named: Any) -> Any:
+        with widget.changing():
+            return method(widget, *arguments, **named)
+
+    setattr(alone, _MARK, True)
+    return cast(Method, alone)
 
 
 def commands_of(owner: type) -> tuple[str, ...]:

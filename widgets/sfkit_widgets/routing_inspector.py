@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -115,6 +116,17 @@ class RoutingInspector(RoutingTraits):
     def recipe(self, recipe: Recipe) -> None:
         with self.changing():
             self._edit(self._bench.draft.of(recipe))
+
+    @property
+    def pair_score(self) -> float:
+        """The recipe's score on the pair on show, in the metric's unit; ``inf`` where it is not finite."""
+        with self.changing():
+            score = self._bench.look.score
+            if score is None:  # only a reduced look so far
+                look = self._bench.preview.look(self.recipe)
+                self._draw(look)
+                score = look.score
+            return math.inf if score is None else score
 
     def close(self) -> None:
         """Forget what is not begun, and leave the page."""
