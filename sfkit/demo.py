@@ -1,19 +1,27 @@
-"""``sfkit demo``: both stages on the embedded bank, computed while you watch."""
+"""``sfkit demo``: both stages on the embedded bank, computed while you watch.
+
+What is known before the search, the unseen benchmarks' pairs and every member's scores on them, is rendered
+and computed in a second process meanwhile, so that both cores of a small machine have work.
+"""
 
 from __future__ import annotations
 
+import multiprocessing
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import torch
 
 from sfkit import bank
 from sfkit.analysis import contenders
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
-from sfkit.evaluation.store import Evaluation
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.saving import save_merged
@@ -68,21 +76,6 @@ class Demo:
     scores: Path
 
 
-class _CountingStore(EvaluationStore):
-    """A store that counts what is computed, so that the demo can say how many forward passes it took."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self.evaluations = 0
-        self.forward_passes = 0
-
-    def put(self, evaluation: Evaluation) -> Evaluation:
-        """Write and count one computed evaluation."""
-        self.evaluations += 1
-        self.forward_passes += len(evaluation.images)
-        return super().put(evaluation)
-
-
 def demo(
     out: Path,
     *,
@@ -100,28 +93,63 @@ def demo(
     started = time.perf_counter()
     pool = open_pool(bank.pool_path())
     validation = bank.benchmark(bank.VALIDATION, quick=True)
-    store = _CountingStore(out / "evaluations.sqlite")
-    with store:
-        scorer = Evaluator(pool, validation, store=store)
-        stage1, stage2 = _search(pool, scorer, seed, budget, progress)
+    path = out / "evaluations.sqlite"
+    with EvaluationStore(path) as store, _scored_meanwhile(path) as known:
+        held = {evaluation.key for evaluation in store}
+        stage1, stage2 = _search(pool, Evaluator(pool, validation, store=store), seed, budget, progress)
+        for number, (name, scored) in enumerate(reversed(known.items())):
+            progress("Members", number, len(known), name)
+            if scored.cancel():  # not begun: done here, beside the other process
+                _score_members(path, name)
+            else:
+                scored.result()
+        progress("Members", len(known), len(known), "")
         recipes = contenders(pool, {"Stage 1": stage1.recipe, "Stage 1+2": stage2.recipe})
-        best = _single_best(pool, scorer)
+        best = _single_best(pool, Evaluator(pool, validation, store=store))
         rows = {"base": recipes["base"], f"single best ({best})": pool.equal(best)}
         rows |= {name: recipes[name] for name in ("uniform", "Stage 1", "Stage 1+2")}
-        unseen = [bank.benchmark(name) for name in bank.benchmarks() if name != bank.VALIDATION]
+        benchmarks = [validation, *(bank.benchmark(name) for name in _unseen())]
         parts = []
-        for number, benchmark in enumerate((validation, *unseen)):
-            progress("Test", number, 1 + len(unseen), benchmark.name)
+        for number, benchmark in enumerate(benchmarks):
+            progress("Test", number, len(benchmarks), benchmark.name)
             guided = (validation.name,)
             parts.append(score_recipes(pool, rows, [benchmark], validation=guided, store=store))
-        progress("Test", 1 + len(unseen), 1 + len(unseen), "")
+        progress("Test", len(benchmarks), len(benchmarks), "")
         table = pivot(pd.concat(parts, ignore_index=True))
         scores = write_table(table, out / "scores.csv")
         merged = save_merged(pool, stage2.recipe, out / "merged.safetensors", overwrite=True)
-        evaluations, passes = store.evaluations, store.forward_passes
+        fresh = [len(evaluation.images) for evaluation in store if evaluation.key not in held]
     page = _report(out, seed, budget, progress) if with_report else None
     seconds = time.perf_counter() - started
-    return Demo(table, stage1.subset, passes, evaluations, seconds, merged, page, scores)
+    return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, merged, page, scores)
+
+
+def _unseen() -> tuple[str, ...]:
+    return tuple(name for name in bank.benchmarks() if name != bank.VALIDATION)
+
+
+@contextmanager
+def _scored_meanwhile(path: Path) -> Iterator[dict[str, Future[None]]]:
+    """Score the pool's members on the unseen benchmarks beside what the caller does, in one more process.
+
+    That process computes in one thread, and the caller's network leaves it a core.
+    """
+    threads = torch.get_num_threads()
+    torch.set_num_threads(max(1, min(threads, (os.cpu_count() or 1) - 1)))
+    spawned = multiprocessing.get_context("spawn")
+    workers = ProcessPoolExecutor(1, mp_context=spawned, initializer=torch.set_num_threads, initargs=(1,))
+    try:
+        yield {name: workers.submit(_score_members, path, name) for name in _unseen()}
+    finally:
+        workers.shutdown(cancel_futures=True)
+        torch.set_num_threads(threads)
+
+
+def _score_members(path: Path, name: str) -> None:
+    """Base, each source and their equal mixture on one benchmark, into the store."""
+    pool = open_pool(bank.pool_path())
+    with EvaluationStore(path) as store:
+        score_recipes(pool, contenders(pool), [bank.benchmark(name)], store=store)
 
 
 def _search(
