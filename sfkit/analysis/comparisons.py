@@ -1,0 +1,252 @@
+"""The table that keeps people honest: scores, the gap to unseen benchmarks, differences with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from sfkit.analysis.bootstrap import (
+    LEVEL,
+    RESAMPLES,
+    Difference,
+    Resampling,
+    Spread,
+    common_unit,
+    seed_spread,
+)
+from sfkit.analysis.measured import Measured
+from sfkit.datasets.measure import Metric
+from sfkit.errors import InputError
+
+
+@dataclass(frozen=True)
+class ComparedColumn:
+    """One benchmark under one metric.
+
+    Attributes:
+        benchmark: its name.
+        protocol: which pixels count.
+        metric: such as ``bad-1.0``.
+        unit: ``%`` or ``px``.
+        validation: True where it guided a search, so that its scores are no test.
+    """
+
+    benchmark: str
+    protocol: str
+    metric: str
+    unit: str
+    validation: bool
+
+    @property
+    def label(self) -> str:
+        """Its heading; ``*`` marks what guided a search."""
+        mark = " *" if self.validation else ""
+        return f"{self.benchmark} ({self.protocol}) {self.metric} [{self.unit}]{mark}"
+
+
+@dataclass(frozen=True)
+class ComparedNetwork:
+    """One row.
+
+    Attributes:
+        network: its name.
+        scores: one a column; NaN where it failed. Means over runs where the row is several seeds.
+        guided: mean over the columns that guided a search; NaN without any.
+        unseen: mean over the others; NaN without any.
+        differences: to the reference, one a column; empty for the reference itself.
+        guided_difference: to the reference on the mean of the columns that guided; None without any.
+        unseen_difference: to the reference on the mean of the others; None without any.
+        spread: of ``unseen`` (of ``guided`` where nothing is unseen) between seeds; None for one run.
+    """
+
+    network: str
+    scores: tuple[float, ...]
+    guided: float
+    unseen: float
+    differences: tuple[Difference, ...] = ()
+    guided_difference: Difference | None = None
+    unseen_difference: Difference | None = None
+    spread: Spread | None = None
+
+    @property
+    def gap(self) -> float:
+        """How much worse the unseen benchmarks are than those that guided: unseen minus guided."""
+        return self.unseen - self.guided
+
+    @property
+    def difference(self) -> Difference | None:
+        """The difference that matters: on unseen benchmarks where there are any."""
+        return self.unseen_difference or self.guided_difference
+
+    @property
+    def overfit(self) -> bool:
+        """True where validation got better than the reference and the unseen benchmarks did not."""
+        guided, unseen = self.guided_difference, self.unseen_difference
+        if guided is None or unseen is None:
+            return False
+        return guided.value < 0.0 and guided.within_noise is not True and unseen.value >= 0.0
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What the row says in words; nothing for the reference."""
+        said = []
+        if self.difference is not None:
+            seen = "" if self.unseen_difference else " (on what guided the search, no test)"
+            said.append(f"{self.network} is {self.difference}{seen}.")
+        if self.overfit:
+            said.append(
+                f"{self.network} gained on what guided it ({self.guided_difference}) and not on unseen "
+                f"benchmarks ({self.unseen_difference}): it fits the validation images."
+            )
+        if self.spread is not None:
+            said.append(f"{self.network}: {self.spread}.")
+        return tuple(said)
+
+
+@dataclass(frozen=True)
+class NetworkComparison:
+    """Networks in rows, benchmarks in columns, each row against one reference.
+
+    Attributes:
+        reference: the row that differences are taken to.
+        columns: benchmarks in order.
+        rows: networks in order.
+        unit: of the means.
+    """
+
+    reference: str
+    columns: tuple[ComparedColumn, ...]
+    rows: tuple[ComparedNetwork, ...]
+    unit: str
+
+    def row(self, network: str) -> ComparedNetwork:
+        """The row called ``network``.
+
+        Raises:
+            InputError: there is none.
+        """
+        for row in self.rows:
+            if row.network == network:
+                return row
+        names = ", ".join(row.network for row in self.rows)
+        raise InputError(f"comparison: found no row {network!r}, expected one of: {names}")
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Every row in words."""
+        return tuple(sentence for row in self.rows for sentence in row.sentences)
+
+    def table(self) -> pd.DataFrame:
+        """A row a network: scores, means, the gap, the difference with its interval, the verdict.
+
+        ``low`` and ``high`` are NaN where no interval exists; ``verdict`` says why.
+        """
+        unit = self.unit
+        rows = []
+        for row in self.rows:
+            record: dict[str, object] = {"network": row.network}
+            record |= {c.label: value for c, value in zip(self.columns, row.scores, strict=True)}
+            record[f"mean of unseen [{unit}]"] = row.unseen
+            record[f"gap to validation [{unit}]"] = row.gap
+            low, high = (row.difference and row.difference.interval) or (math.nan, math.nan)
+            record[f"difference to {self.reference} [{unit}]"] = (
+                row.difference.value if row.difference else math.nan
+            )
+            record |= {"low": low, "high": high}
+            record["seeds ±"] = row.spread.deviation if row.spread else math.nan
+            record["verdict"] = str(row.difference) if row.difference else "the reference"
+            rows.append(record)
+        return pd.DataFrame(rows).set_index("network")
+
+
+def compare_networks(
+    measured: Sequence[Measured],
+    reference: str,
+    rng: np.random.Generator,
+    *,
+    seeds: Mapping[str, Sequence[str]] | None = None,
+    metric: str | None = None,
+    resamples: int = RESAMPLES,
+    level: float = LEVEL,
+) -> NetworkComparison:
+    """Compare networks on benchmarks with a reference, each difference with its interval.
+
+    Args:
+        measured: the benchmarks, from :func:`~sfkit.analysis.measured.measure_recipes`.
+        reference: a row's name.
+        rng: draws images for the bootstrap; all rows share the draws.
+        seeds: row name -> the networks that are its runs from several seeds, shown as one row.
+        metric: on every benchmark; each one's own unless given.
+        resamples: how many draws.
+        level: coverage of the intervals.
+
+    Raises:
+        InputError: no benchmark, an unknown network, one in two rows, or metrics of different units.
+    """
+    drawing = Resampling(measured, rng, resamples=resamples, level=level)
+    rows = _rows(measured[0].networks, seeds or {})
+    if reference not in rows:
+        raise InputError(f"comparison: found no row {reference!r}, expected one of: {', '.join(rows)}")
+    columns = tuple(_column(one, metric) for one in measured)
+    unit = common_unit(measured, metric)
+    made = [_row(name, runs, reference, rows, measured, drawing, metric) for name, runs in rows.items()]
+    return NetworkComparison(reference, columns, tuple(made), unit)
+
+
+def _rows(networks: Sequence[str], seeds: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
+    owner = {run: name for name, runs in seeds.items() for run in runs}
+    if len(owner) != sum(map(len, seeds.values())) or set(seeds) & (set(networks) - set(owner)):
+        raise InputError("comparison: a network stands in two rows, expected each in one")
+    if unknown := sorted(set(owner) - set(networks)):
+        raise InputError(f"comparison: found the runs {unknown}, expected some of {', '.join(networks)}")
+    rows: dict[str, tuple[str, ...]] = {}
+    for network in networks:
+        name = owner.get(network, network)
+        rows[name] = tuple(seeds[name]) if network in owner else (network,)
+    return rows
+
+
+def _column(one: Measured, metric: str | None) -> ComparedColumn:
+    parsed = Metric.parse(metric or one.metric)
+    return ComparedColumn(one.benchmark, one.protocol, parsed.name, parsed.unit, one.validation)
+
+
+def _row(
+    name: str,
+    runs: tuple[str, ...],
+    reference: str,
+    rows: Mapping[str, tuple[str, ...]],
+    measured: Sequence[Measured],
+    drawing: Resampling,
+    metric: str | None,
+) -> ComparedNetwork:
+    guides = [one for one in measured if one.validation]
+    tests = [one for one in measured if not one.validation]
+    spread = seed_spread(tests or guides, runs, metric=metric) if len(runs) > 1 else None
+    scores = tuple(_mean(one.score(run, metric=metric) for run in runs) for one in measured)
+    by_name = dict(zip((one.benchmark for one in measured), scores, strict=True))
+    guided, unseen = (_mean(by_name[one.benchmark] for one in group) for group in (guides, tests))
+    if name == reference:
+        return ComparedNetwork(name, scores, guided, unseen, spread=spread)
+
+    def against(group: Sequence[Measured]) -> Difference:
+        return drawing.difference(
+            runs,
+            rows[reference],
+            benchmarks=[one.benchmark for one in group],
+            metric=metric,
+            named=(name, reference),
+        )
+
+    differences = tuple(against([one]) for one in measured)
+    on_guided, on_unseen = (against(group) if group else None for group in (guides, tests))
+    return ComparedNetwork(name, scores, guided, unseen, differences, on_guided, on_unseen, spread)
+
+
+def _mean(values: Iterable[float]) -> float:
+    listed = list(values)
+    return math.fsum(listed) / len(listed) if listed else math.nan

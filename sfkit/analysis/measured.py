@@ -1,0 +1,171 @@
+"""Networks measured on one benchmark with the errors of every image, which comparisons resample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.measure import Kind, Metric
+from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.metrics import ImageErrors
+from sfkit.evaluation.protocols import protocol
+from sfkit.evaluation.store import EvaluationStore
+from sfkit.evaluation.table import Progress
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Networks on one benchmark, image by image.
+
+    Attributes:
+        benchmark: its name.
+        protocol: which pixels count, and how images become one number.
+        family: the benchmark's family, for the protocol's rule.
+        metric: such as ``bad-1.0``; what :meth:`score` gives unless asked for another.
+        validation: True where the benchmark guided a search, so that its scores are no test.
+        images: network -> errors of every image in the benchmark's order; empty where the network failed.
+    """
+
+    benchmark: str
+    protocol: str
+    family: str
+    metric: str
+    validation: bool
+    images: Mapping[str, tuple[ImageErrors, ...]]
+
+    def __post_init__(self) -> None:
+        """Check that all networks saw the same images in one order; raises InputError otherwise."""
+        seen = {tuple(image.id for image in errors): name for name, errors in self.images.items() if errors}
+        if len(seen) > 1:
+            (ids, first), (others, second), *_ = seen.items()
+            raise InputError(
+                f"benchmark {self.benchmark!r}: found {len(ids)} images under {first!r} and {len(others)} "
+                f"under {second!r}, expected the same images in one order: measure both on one benchmark"
+            )
+
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """The names, in order."""
+        return tuple(self.images)
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """The images' ids; none where every network failed."""
+        return next((tuple(image.id for image in errors) for errors in self.images.values() if errors), ())
+
+    def score(self, network: str, *, metric: str | None = None) -> float:
+        """A network's score under the protocol, lower is better; NaN where it failed.
+
+        Raises:
+            InputError: an unknown network or metric, or a threshold that was not recorded.
+        """
+        errors = self.of(network)
+        if not errors:
+            return math.nan
+        return protocol(self.protocol).aggregate(errors, metric or self.metric, self.family)
+
+    def of(self, network: str) -> tuple[ImageErrors, ...]:
+        """A network's errors by image.
+
+        Raises:
+            InputError: no such network.
+        """
+        if network not in self.images:
+            raise unknown_name(f"network measured on {self.benchmark!r}", network, self.images)
+        return self.images[network]
+
+    def terms(self, network: str, *, metric: str | None = None) -> tuple[Values, Values]:
+        """The score as a ratio of two sums over images: numerators and denominators, each (N,).
+
+        For a mean over images these are the images' values and ones; for a score pooled over pixels, 100
+        times the bad pixels and the pixels that count. The protocol's score is sum / sum, of the benchmark
+        as it is and of any resampling of its images. Both are empty where the network failed.
+
+        Raises:
+            InputError: as :meth:`score`.
+        """
+        errors, measure = self.of(network), Metric.parse(metric or self.metric)
+        if protocol(self.protocol).rule(self.family).pooled and measure.kind is not Kind.EPE:
+            counts = [(100.0 * image.count(measure), float(image.pixels)) for image in errors]
+        else:
+            counts = [(image.value(measure), 1.0) for image in errors]
+        numerators, denominators = np.array(counts, dtype=np.float64).reshape(-1, 2).T
+        return numerators, denominators
+
+
+def measure_recipes(
+    pool: Pool,
+    recipes: Mapping[str, Recipe],
+    benchmarks: Sequence[Benchmark],
+    *,
+    metric: str | None = None,
+    also: Sequence[str] = (),
+    validation: Sequence[str] = (),
+    store: EvaluationStore | None = None,
+    device: str = "cpu",
+    progress: Progress | None = None,
+) -> tuple[Measured, ...]:
+    """Measure named recipes on benchmarks; what the store holds is not computed again.
+
+    All benchmarks are loaded and checked before the first evaluation.
+
+    Args:
+        pool: the recipes' pool.
+        recipes: network name -> recipe.
+        benchmarks: what to measure on.
+        metric: of every benchmark; each one's own unless given.
+        also: further metrics that will be asked of the same evaluations.
+        validation: names of the benchmarks that guided a search.
+        store: where evaluations are kept.
+        device: as for :class:`~sfkit.evaluation.evaluator.Evaluator`.
+        progress: hears of each evaluation when it is done.
+
+    Raises:
+        InputError: a recipe does not suit the pool, a metric is unknown, or a benchmark cannot be scored.
+    """
+    for recipe in recipes.values():
+        pool.check_recipe(recipe)
+    evaluators = [
+        Evaluator(pool, benchmark, store=store, metric=metric, also=also, device=device)
+        for benchmark in benchmarks
+    ]
+    return measure_with(evaluators, recipes, validation=validation, progress=progress)
+
+
+def measure_with(
+    evaluators: Sequence[Evaluator],
+    recipes: Mapping[str, Recipe],
+    *,
+    validation: Sequence[str] = (),
+    progress: Progress | None = None,
+) -> tuple[Measured, ...]:
+    """As :func:`measure_recipes`, with evaluators that are ready."""
+    found = []
+    for evaluator in evaluators:
+        benchmark = evaluator.benchmark
+        heard = None if progress is None else partial(progress, benchmark.name)
+        evaluations = evaluator.evaluate(list(recipes.values()), progress=heard)
+        evaluator.release()  # one network in memory at a time, however many benchmarks there are
+        images = {name: made.images for name, made in zip(recipes, evaluations, strict=True)}
+        found.append(
+            Measured(
+                benchmark=benchmark.name,
+                protocol=benchmark.protocol,
+                family=benchmark.family,
+                metric=evaluator.metric.name,
+                validation=benchmark.name in validation,
+                images=images,
+            )
+        )
+    return tuple(found)

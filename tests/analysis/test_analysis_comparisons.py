@@ -1,0 +1,109 @@
+"""The comparison table: hand values, marks, gaps, verdicts, seeds in one row."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_records import measured
+from tiny import write_pairs, write_pool
+
+from sfkit.analysis import Measured, compare_networks, measure_recipes
+from sfkit.datasets import open_benchmark
+from sfkit.errors import InputError
+from sfkit.evaluation import EvaluationStore, score_recipes
+from sfkit.merging import open_pool
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(1)
+
+
+def three() -> list[Measured]:
+    guide = {"base": [50, 60] * 10, "fit": [30, 40] * 10, "s0": [40, 50] * 10, "s1": [44, 54] * 10}
+    first = {"base": [20] * 20, "fit": [25] * 20, "s0": [10] * 20, "s1": [12] * 20}
+    second = {"base": [30, 40] * 10, "fit": [32, 42] * 10, "s0": [30, 40] * 10, "s1": [30, 40] * 10}
+    return [
+        measured(guide, name="guide", validation=True),
+        measured(first, name="first"),
+        measured(second, name="second"),
+    ]
+
+
+def test_scores_means_gap_and_difference_are_those_of_hand() -> None:
+    found = compare_networks(three(), "base", rng(), seeds={"ours": ["s0", "s1"]})
+    assert [row.network for row in found.rows] == ["base", "fit", "ours"]
+    ours = found.row("ours")
+    assert ours.scores == pytest.approx((47.0, 11.0, 35.0))
+    assert (ours.guided, ours.unseen, ours.gap) == pytest.approx((47.0, 23.0, -24.0))
+    assert ours.unseen_difference is not None
+    assert ours.unseen_difference.value == pytest.approx(23.0 - 27.5)
+    assert ours.unseen_difference.interval == pytest.approx((-4.5, -4.5))
+    assert [difference.value for difference in ours.differences] == pytest.approx([-8.0, -9.0, 0.0])
+    assert ours.spread is not None
+    assert ours.spread.values == pytest.approx((22.5, 23.5))
+
+
+def test_the_table_marks_validation_and_gives_a_verdict_a_row() -> None:
+    table = compare_networks(three(), "base", rng()).table()
+    assert list(table.columns[:3]) == [
+        "guide (all-valid) bad-3.0 [%] *",
+        "first (all-valid) bad-3.0 [%]",
+        "second (all-valid) bad-3.0 [%]",
+    ]
+    assert table.loc["base", "verdict"] == "the reference"
+    assert math.isnan(table.loc["base", "difference to base [%]"])
+    assert table.loc["fit", "verdict"] == "worse than base: +3.50 [+3.50, +3.50] %"
+    assert table.loc["fit", ["low", "high"]].to_list() == pytest.approx([3.5, 3.5])
+    assert table["seeds ±"].isna().all()
+
+
+def test_a_network_that_fits_the_validation_images_is_called_out() -> None:
+    found = compare_networks(three(), "base", rng())
+    assert [row.network for row in found.rows if row.overfit] == ["fit"]
+    assert (
+        "fit gained on what guided it (better than base: -20.00 [-20.00, -20.00] %) and not on unseen "
+        "benchmarks (worse than base: +3.50 [+3.50, +3.50] %): it fits the validation images."
+    ) in found.sentences
+
+
+def test_without_unseen_benchmarks_the_sentence_says_that_it_is_no_test() -> None:
+    found = compare_networks(three()[:1], "base", rng())
+    row = found.row("fit")
+    assert row.unseen_difference is None
+    assert math.isnan(row.unseen)
+    assert not row.overfit
+    assert row.sentences[0].endswith("% (on what guided the search, no test).")
+
+
+def test_rows_that_cannot_be_are_refused() -> None:
+    with pytest.raises(InputError, match="found no row 'bass'"):
+        compare_networks(three(), "bass", rng())
+    with pytest.raises(InputError, match="stands in two rows"):
+        compare_networks(three(), "base", rng(), seeds={"fit": ["s0", "s1"]})
+    with pytest.raises(InputError, match=r"found the runs \['s9'\]"):
+        compare_networks(three(), "base", rng(), seeds={"ours": ["s0", "s9"]})
+    with pytest.raises(InputError, match="found no row 'ours'"):
+        compare_networks(three(), "base", rng()).row("ours")
+
+
+def test_measured_recipes_score_what_the_table_of_scores_says(tmp_path: Path) -> None:
+    pool = open_pool(write_pool(tmp_path / "pool", sources=2))
+    recipes = {"base": pool.base_recipe(), "uniform": pool.uniform()}
+    benchmarks = [
+        open_benchmark("pairs", write_pairs(tmp_path / name, count), metric="bad-1.0")
+        for name, count in (("guide", 1), ("test", 3))
+    ]
+    with EvaluationStore(tmp_path / "store.sqlite") as store:
+        found = measure_recipes(
+            pool, recipes, benchmarks, also=["bad-0.25"], validation=["guide"], store=store
+        )
+        table = score_recipes(pool, recipes, benchmarks, metrics=["bad-1.0", "bad-0.25"], store=store)
+        assert table["cached"].all()
+    assert [one.validation for one in found] == [True, False]
+    assert [len(one.ids) for one in found] == [1, 3]
+    for _, row in table.iterrows():
+        one = next(one for one in found if one.benchmark == row["benchmark"])
+        assert one.score(row["network"], metric=row["metric"]) == row["score"]
