@@ -19,12 +19,12 @@ BANK = "bank"
 
 
 def open_pool(path: str | Path | PoolSpec) -> Pool:
-    """Open a pool: ``"bank"`` for the embedded one, else a ``pool.toml`` or its folder.
+    """Open a pool: ``"bank"`` or ``"bank-slim"`` for an embedded one, else a ``pool.toml`` or its folder.
 
     Raises:
         InputError: as :func:`sfkit.merging.open_pool` says.
     """
-    return open_own_pool(bank.pool_path() if path == BANK else path)
+    return open_own_pool(bank.pool_path(str(path)) if path in bank.banks() else path)
 
 
 def open_benchmark(

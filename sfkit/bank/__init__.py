@@ -1,17 +1,24 @@
 """The embedded bank: a base network and 11 sources, really trained, and four benchmarks to merge for.
 
+``bank-slim`` has the same domains and names, of another architecture: what one pool found can be tried there.
+
 Everything comes from seeds: ``sfkit bank build`` makes it again (see :mod:`sfkit.bank.build`).
 """
 
 from pathlib import Path
 
 from sfkit.bank.build import build
+from sfkit.bank.plan import BANK, bank_plan, banks
 from sfkit.bank.rendered import benchmark, benchmarks, held_out
 from sfkit.datasets.synthetic.domains import VALIDATION, domains
 
-__all__ = ["VALIDATION", "benchmark", "benchmarks", "build", "domains", "held_out", "pool_path"]
+__all__ = ["VALIDATION", "banks", "benchmark", "benchmarks", "build", "domains", "held_out", "pool_path"]
 
 
-def pool_path() -> Path:
-    """The ``pool.toml`` of the bank that ships with sfkit; base and sources lie beside it."""
-    return Path(__file__).parent / "data" / "pool.toml"
+def pool_path(name: str = BANK.name) -> Path:
+    """The ``pool.toml`` of a bank that ships with sfkit; base and sources lie beside it.
+
+    Raises:
+        InputError: no bank of that name.
+    """
+    return Path(__file__).parent / bank_plan(name).folder / "pool.toml"

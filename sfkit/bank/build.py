@@ -12,7 +12,7 @@ from safetensors.torch import load_file, save_file
 
 from sfkit.bank.fingerprints import write_fingerprints
 from sfkit.bank.measure import constant_guess, errors, held_out_pairs
-from sfkit.bank.plan import ARCHITECTURE, BASE_PLAN, HELD_OUT_PAIRS, OPTIONS, Plan, plan_of
+from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, Plan, bank_plan
 from sfkit.bank.training import Progress, Trained, new_network, train
 from sfkit.datasets.synthetic.domains import BASE, SOURCES, Domain
 from sfkit.errors import unknown_name
@@ -23,14 +23,15 @@ Record = dict[str, Any]
 
 def build(
     out: Path,
+    name: str = BANK.name,
     *,
     progress: Progress | None = None,
     only: Iterable[str] | None = None,
-    base_plan: Plan = BASE_PLAN,
+    base_plan: Plan | None = None,
     source_plan: Plan | None = None,
     held_out: int = HELD_OUT_PAIRS,
 ) -> Path:
-    """Train the bank into the folder ``out`` and return the path of its ``pool.toml``.
+    """Train the bank called ``name`` into the folder ``out`` and return the path of its ``pool.toml``.
 
     A finished training is not repeated and a stopped one goes on from its last saved step, so calling
     this again resumes. ``only`` names the sources to train in this process (after the base), so that
@@ -40,17 +41,19 @@ def build(
     another machine or with another PyTorch is as good as the shipped one, not equal to it bit by bit.
 
     Raises:
-        InputError: ``only`` names a source that the bank does not have.
+        InputError: no bank of that name, or ``only`` names a source that it does not have.
     """
+    of = bank_plan(name)
     chosen = _chosen(only)
     out.mkdir(parents=True, exist_ok=True)
     if not _finished(out, BASE.name):
-        _train_base(out, base_plan, held_out, progress)
+        _train_base(out, of, base_plan or of.base, held_out, progress)
     for domain in chosen:
         if not _finished(out, domain.name):
-            _train_source(out, domain, source_plan or plan_of(domain.name), held_out, progress)
+            plan = source_plan or of.plan_of(domain.name)
+            _train_source(out, of, domain, plan, held_out, progress)
     if all(_finished(out, domain.name) for domain in SOURCES):
-        _assemble(out)
+        _assemble(out, of)
     return out / "pool.toml"
 
 
@@ -63,22 +66,24 @@ def _chosen(only: Iterable[str] | None) -> list[Domain]:
     return [by_name[name] for name in names]
 
 
-def _train_base(out: Path, plan: Plan, held_out: int, progress: Progress | None) -> None:
-    trained = train(BASE, plan, None, _state_file(out, BASE.name), progress)
+def _train_base(out: Path, of: BankPlan, plan: Plan, held_out: int, progress: Progress | None) -> None:
+    trained = train(BASE, plan, None, _state_file(out, BASE.name), progress, of=of)
     save_file(dict(trained.weights), out / "base.safetensors")
-    network = new_network(plan.seed)
+    network = new_network(plan.seed, of)
     network.load_state_dict(dict(trained.weights))
     pairs = held_out_pairs(BASE, held_out)
     own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs)}
     _record(out, BASE.name, plan, trained, own)
 
 
-def _train_source(out: Path, domain: Domain, plan: Plan, held_out: int, progress: Progress | None) -> None:
+def _train_source(
+    out: Path, of: BankPlan, domain: Domain, plan: Plan, held_out: int, progress: Progress | None
+) -> None:
     base = load_file(out / "base.safetensors")
-    trained = train(domain, plan, base, _state_file(out, domain.name), progress)
+    trained = train(domain, plan, base, _state_file(out, domain.name), progress, of=of)
     save_file(dict(trained.weights), out / f"{domain.name}.safetensors")
     pairs = held_out_pairs(domain, held_out)
-    network = new_network(plan.seed)
+    network = new_network(plan.seed, of)
     network.load_state_dict(base)
     own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs)}
     network.load_state_dict(dict(trained.weights))
@@ -109,21 +114,22 @@ def _state_file(out: Path, name: str) -> Path:
     return out / "training" / f"{name}.pt"
 
 
-def _assemble(out: Path) -> None:
+def _assemble(out: Path, of: BankPlan) -> None:
     records = {d.name: json.loads(_record_file(out, d.name).read_text()) for d in (BASE, *SOURCES)}
-    write_fingerprints(out / "fingerprints.json")
+    if of is BANK:  # the benchmarks are the same for all
+        write_fingerprints(out / "fingerprints.json")
     (out / "trainings.json").write_text(json.dumps(records, indent=2) + "\n")
-    (out / "pool.toml").write_text(pool_toml())
+    (out / "pool.toml").write_text(pool_toml(of))
 
 
-def pool_toml() -> str:
-    """The text of the bank's ``pool.toml``."""
-    options = "\n".join(f"{key} = {json.dumps(value)}" for key, value in OPTIONS.items())
+def pool_toml(of: BankPlan = BANK) -> str:
+    """The text of a bank's ``pool.toml``."""
+    options = "\n".join(f"{key} = {json.dumps(value)}" for key, value in of.options.items())
     entries = "\n".join(
         f'\n[sources.{domain.name}]\nfile = "{domain.name}.safetensors"\nlicence = "{LICENCE}"'
         for domain in SOURCES
     )
     return (
-        f'name = "sfkit-bank"\narchitecture = "{ARCHITECTURE}"\n\n[options]\n{options}\n\n'
+        f'name = "sfkit-{of.name}"\narchitecture = "{of.architecture}"\n\n[options]\n{options}\n\n'
         f'[base]\nfile = "base.safetensors"\nlicence = "{LICENCE}"\n{entries}\n'
     )

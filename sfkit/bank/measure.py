@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from sfkit.architectures import architecture
-from sfkit.bank.plan import ARCHITECTURE, HELD_OUT_PAIRS, OPTIONS
+from sfkit.bank.plan import BANK, HELD_OUT_PAIRS
 from sfkit.datasets.synthetic import Domain, SyntheticPair, synthetic_pair
 
 
@@ -21,7 +21,8 @@ def held_out_pairs(domain: Domain, count: int = HELD_OUT_PAIRS) -> list[Syntheti
 
 def predict(network: nn.Module, pair: SyntheticPair) -> NDArray[np.float32]:
     """The network's disparity of the left image, (H, W) float32, pixels. The network must be in eval mode."""
-    prepared = architecture(ARCHITECTURE).inputs(OPTIONS).prepare(pair.left, pair.right)
+    # Every bank's network reads images the same way.
+    prepared = architecture(BANK.architecture).inputs(BANK.options).prepare(pair.left, pair.right)
     with torch.inference_mode():
         disparity = prepared.window.crop(network(prepared.left, prepared.right))
     return np.asarray(disparity[0].numpy(), dtype=np.float32)

@@ -19,8 +19,8 @@ from numpy.random import default_rng
 from numpy.typing import NDArray
 from torch import nn
 
-from sfkit.architectures import architecture
-from sfkit.bank.plan import ARCHITECTURE, OPTIONS, STAGE_WEIGHTS, Plan
+from sfkit.architectures import InputConvention, architecture
+from sfkit.bank.plan import BANK, STAGE_WEIGHTS, BankPlan, Plan
 from sfkit.datasets.synthetic import Domain, SyntheticPair, synthetic_pair
 
 Progress = Callable[[str, int, int], None]
@@ -40,10 +40,17 @@ class Trained:
 
 
 def train(
-    domain: Domain, plan: Plan, start: State | None, state_file: Path, progress: Progress | None = None
+    domain: Domain,
+    plan: Plan,
+    start: State | None,
+    state_file: Path,
+    progress: Progress | None = None,
+    *,
+    of: BankPlan = BANK,
 ) -> Trained:
     """Train on ``domain`` from ``start``, else from seeded weights; continue ``state_file`` if it exists."""
-    network = new_network(plan.seed)
+    network = new_network(plan.seed, of)
+    inputs = architecture(of.architecture).inputs(of.options)
     if start is not None:
         network.load_state_dict(dict(start))
     optimiser = torch.optim.Adam(network.parameters(), lr=plan.peak_rate)
@@ -60,7 +67,7 @@ def train(
     while step < plan.steps:
         for group in optimiser.param_groups:
             group["lr"] = learning_rate(plan, step)
-        losses.append(_step(network, optimiser, [pairs[i] for i in batch_of(plan, step)]))
+        losses.append(_step(network, inputs, optimiser, [pairs[i] for i in batch_of(plan, step)]))
         step += 1
         if step % plan.save_every == 0 or step == plan.steps:
             seconds, wall = seconds + time.perf_counter() - wall, time.perf_counter()
@@ -75,11 +82,11 @@ def train(
     return Trained(weights, step, seconds, cpu_seconds, float(np.mean(losses[-50:])))
 
 
-def new_network(seed: int) -> nn.Module:
-    """The bank's network with weights drawn from ``seed``; the global random state is left as it was."""
+def new_network(seed: int, of: BankPlan = BANK) -> nn.Module:
+    """The network of a bank, its weights drawn from ``seed``; the global random state is left as it was."""
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        return architecture(ARCHITECTURE).build(**OPTIONS)
+        return architecture(of.architecture).build(**of.options)
 
 
 def training_pairs(domain: Domain, count: int, progress: Progress | None = None) -> list[SyntheticPair]:
@@ -115,8 +122,12 @@ def stage_loss(stages: list[torch.Tensor], truth: torch.Tensor) -> torch.Tensor:
     return torch.stack(losses).sum()
 
 
-def _step(network: nn.Module, optimiser: torch.optim.Optimizer, pairs: list[SyntheticPair]) -> float:
-    inputs = architecture(ARCHITECTURE).inputs(OPTIONS)
+def _step(
+    network: nn.Module,
+    inputs: InputConvention,
+    optimiser: torch.optim.Optimizer,
+    pairs: list[SyntheticPair],
+) -> float:
     prepared = [inputs.prepare(pair.left, pair.right) for pair in pairs]
     left = torch.cat([p.left for p in prepared])
     right = torch.cat([p.right for p in prepared])

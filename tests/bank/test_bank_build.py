@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 from sfkit import InputError, bank
 from sfkit.bank.build import pool_toml
 from sfkit.bank.measure import constant_guess, errors
-from sfkit.bank.plan import Plan
+from sfkit.bank.plan import Plan, bank_plan
 from sfkit.bank.training import new_network
 from sfkit.datasets.synthetic import domains, synthetic_pair
 from sfkit.evaluation.metrics import bad, epe
@@ -75,6 +75,23 @@ def test_pool_toml_names_every_network() -> None:
     assert pool["options"] == {"ranges": [4, 3, 3], "spn": False}
     assert pool["base"]["file"] == "base.safetensors"
     assert list(pool["sources"]) == list(domains())[1:]
+
+
+def test_a_second_bank_has_the_same_sources_and_networks_of_another_shape() -> None:
+    slim = tomllib.loads(pool_toml(bank_plan("bank-slim")))
+    assert slim["name"] == "sfkit-bank-slim"
+    assert list(slim["sources"]) == list(tomllib.loads(pool_toml())["sources"])
+    wide, narrow = (new_network(1, bank_plan(name)).state_dict() for name in bank.banks())
+    assert wide.keys() == narrow.keys()
+    apart = [key for key in wide if wide[key].shape != narrow[key].shape]
+    assert any(key.startswith("volume_postprocess.0") for key in apart)
+    assert not any(key.startswith("feature_extraction") for key in apart)
+
+
+def test_an_unknown_bank_is_refused_with_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"unknown embedded bank 'bank-slem'.*did you mean 'bank-slim'"):
+        bank.build(tmp_path / "out", "bank-slem")
+    assert not (tmp_path / "out").exists()
 
 
 def test_measured_errors_equal_the_evaluation_s_metrics() -> None:

@@ -15,7 +15,7 @@ from sfkit import InputError, bank, open_pool
 from sfkit.bank.build import pool_toml
 from sfkit.bank.fingerprints import agree, fingerprint, read_fingerprints
 from sfkit.bank.measure import errors, held_out_pairs
-from sfkit.bank.plan import BASE_PLAN, plan_of
+from sfkit.bank.plan import BANK
 from sfkit.bank.training import new_network
 
 DATA = bank.pool_path().parent
@@ -43,7 +43,7 @@ def test_pool_toml_is_what_the_builder_writes() -> None:
 
 @pytest.mark.parametrize("name", ["plain", *SOURCES])
 def test_records_name_the_plan_that_would_be_trained(name: str) -> None:
-    assert TRAININGS[name]["plan"] == asdict(BASE_PLAN if name == "plain" else plan_of(name))
+    assert TRAININGS[name]["plan"] == asdict(BANK.base if name == "plain" else BANK.plan_of(name))
 
 
 def test_the_pool_opens_without_a_warning() -> None:

@@ -1,6 +1,6 @@
 """AnyNet: "Anytime Stereo Image Depth Estimation on Mobile Devices" (Wang et al., ICRA 2019)."""
 
 from sfkit.architectures.anynet.aggregation import Route
-from sfkit.architectures.anynet.network import AnyNet, Trace
+from sfkit.architectures.anynet.network import AnyNet, SlimAnyNet, Trace
 
-__all__ = ["AnyNet", "Route", "Trace"]
+__all__ = ["AnyNet", "Route", "SlimAnyNet", "Trace"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import cast
+from typing import ClassVar, cast
 
 import torch
 import torch.nn.functional as F
@@ -20,7 +20,6 @@ from sfkit.architectures.registry import register_architecture
 from sfkit.errors import InputError
 
 MULTIPLE = 16
-STACK_WIDTHS = (16, 4, 4)
 BLOCKS = {
     "backbone": ["feature_extraction.block0.*", "feature_extraction.blocks.*"],
     "neck": ["feature_extraction.upblocks.*"],
@@ -65,6 +64,9 @@ class AnyNet(nn.Module):
         InputError: ``ranges`` is not three whole numbers of at least 2, or a switch is not true or false.
     """
 
+    stack_widths: ClassVar[tuple[int, int, int]] = (16, 4, 4)
+    """Channels of the 3-D convolutions of stages 1 to 3."""
+
     def __init__(
         self, *, ranges: Sequence[int] = (12, 3, 3), align_corners: bool = True, spn: bool = True
     ) -> None:
@@ -72,7 +74,7 @@ class AnyNet(nn.Module):
         self.ranges = _checked_ranges(ranges)
         self.align_corners = _checked_switch("align_corners", align_corners)
         self.feature_extraction = FeatureExtractor()
-        self.volume_postprocess = nn.ModuleList([VolumeStack(width) for width in STACK_WIDTHS])
+        self.volume_postprocess = nn.ModuleList([VolumeStack(width) for width in self.stack_widths])
         self.refine_spn = spatial_propagation() if _checked_switch("spn", spn) else None
         self.apply(_initialise)
 
@@ -131,6 +133,19 @@ class AnyNet(nn.Module):
         both = self.feature_extraction(torch.cat([left, right]))
         n = left.shape[0]
         return Features(*[m[:n] for m in both]), Features(*[m[n:] for m in both])
+
+
+@register_architecture(
+    "anynet-slim",
+    blocks=BLOCKS,
+    inputs=InputConvention(multiple=MULTIPLE),
+    optional=("refine_spn.*",),
+    version="1",
+)
+class SlimAnyNet(AnyNet):
+    """AnyNet with narrower 3-D convolutions: another architecture, whose weights fit no AnyNet."""
+
+    stack_widths = (8, 4, 2)
 
 
 def _resize(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
