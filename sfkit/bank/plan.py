@@ -78,7 +78,7 @@ SLIM = BankPlan(
     architecture="anynet-slim",
     folder="data-slim",
     base=Plan(steps=1400, peak_rate=2e-3, scenes=240),
-    source=Plan(steps=250, peak_rate=2e-3, scenes=120),
+    source=Plan(steps=160, peak_rate=2e-3, scenes=96, warm_up=30),
 )
 BANKS = {plan.name: plan for plan in (BANK, SLIM)}
 

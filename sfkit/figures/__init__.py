@@ -4,6 +4,7 @@ Every function takes ``theme="light"``, ``"dark"`` or ``"auto"``: transparent ba
 that read on a light page, a dark one, or both.
 """
 
+from sfkit.figures.ablations import population_sizes_figure
 from sfkit.figures.costs import cost_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
@@ -20,6 +21,7 @@ __all__ = [
     "cost_figure",
     "disparity_figure",
     "population_figure",
+    "population_sizes_figure",
     "routing_figure",
     "scales_figure",
     "scores_figure",

@@ -12,6 +12,7 @@ from sfkit import figures
 from sfkit.analysis.costs import StageCost
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
+from sfkit.analysis.growth import PopulationSizes
 from sfkit.analysis.populations import Individual, PopulationHistory, summarise
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
@@ -62,6 +63,12 @@ def costs() -> tuple[StageCost, ...]:
     return StageCost("Stage 1", 7, 4, 29, 2, 3.5, 2.0), StageCost("Stage 2", 60, 0, 0, 0, 18.0, 0.0)
 
 
+def sizes() -> PopulationSizes:
+    best = np.array([[12.0, 11.0], [10.5, 10.0], [10.0, 10.0]])
+    distinct = np.array([[20, 24], [60, 70], [110, 120]])
+    return PopulationSizes((4, 12, 30), (0, 1), 5, best, distinct, "bad-1.0", 10.0)
+
+
 def panels(height: int = 20, width: int = 40) -> DisparityPanels:
     """Truth 2 px with a hole in the left half; errors 0 in the right half but for one broken pixel."""
     truth = np.full((height, width), 2.0, np.float32)
@@ -86,6 +93,7 @@ def versus() -> AdvantagePanels:
 
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
+    "population sizes": lambda theme: figures.population_sizes_figure(sizes(), theme=theme),
     "routing": lambda theme: figures.routing_figure(trace(), theme=theme),
     "routing by block": lambda theme: figures.routing_figure(trace(tied=False), theme=theme),
     "scales": lambda theme: figures.scales_figure(trace(), theme=theme),

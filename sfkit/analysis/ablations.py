@@ -1,0 +1,204 @@
+"""Ablations (StereoFactory, section V-F): one thing of an experiment is changed, everything else stays.
+
+Each function returns a table: a row a variant, a column a benchmark in the experiment's metric (lower is
+better), and the mean over the benchmarks that guided no search of that row. What the store holds already,
+from whichever experiment, is not computed again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sfkit.analysis.experiment import Answer, Experiment, overlap
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.errors import InputError
+from sfkit.evaluation.separation import identities
+from sfkit.merging.recipe import Recipe
+from sfkit.search.constraints import transfer
+from sfkit.search.records import Counts
+
+MEAN = "mean of the unseen"
+"""The column that averages over the benchmarks which guided no search."""
+
+
+def fitness_metrics(
+    experiment: Experiment, metrics: Sequence[str] = ("bad-1.0", "bad-3.0", "epe"), *, routing: bool = True
+) -> pd.DataFrame:
+    """Does the answer depend on the metric that guides the search? (Table "Fitness-metric ablation".)
+
+    Args:
+        experiment: pool, validation benchmark and budgets.
+        metrics: what the validation benchmark is scored by in turn.
+        routing: with Stage 2; the subset alone without.
+
+    Returns:
+        Columns: the subset, its overlap with the first row's (Jaccard, 0 to 1), the benchmarks, their mean.
+    """
+    answers = {
+        metric: experiment.answer(experiment.scorer(metric=metric), routing=routing) for metric in metrics
+    }
+    return _table(experiment, answers).rename_axis("fitness metric")
+
+
+def validation_sets(
+    experiment: Experiment, benchmarks: Sequence[Benchmark] = (), *, routing: bool = True
+) -> pd.DataFrame:
+    """Does the answer depend on the benchmark that guides the search? (Table "Validation-set robustness".)
+
+    Args:
+        experiment: pool and budgets; its validation benchmark is the first row.
+        benchmarks: what guides the search in the other rows; the reported ones unless given, each cut to as
+            many pairs as the validation benchmark has.
+        routing: with Stage 2; the subset alone without.
+
+    Returns:
+        As :func:`fitness_metrics`; a row's own mean leaves out what guided it.
+
+    Raises:
+        InputError: two guides of one name.
+    """
+    few = len(experiment.validation)
+    others = benchmarks or [b.first(min(len(b), few)) for b in experiment.reported]
+    guides = (experiment.validation, *others)
+    names = [guide.name for guide in guides]
+    if len(set(names)) < len(names):
+        raise InputError(f"validation sets: found {names}, expected a name for each")
+    answers = [experiment.answer(experiment.scorer(guide), routing=routing) for guide in guides]
+    rows = [
+        _table(experiment, {guide.name: answer}, guide=guide, first=answers[0].subset)
+        for guide, answer in zip(guides, answers, strict=True)
+    ]
+    return pd.concat(rows).rename_axis("guided by")
+
+
+def stage_variants(
+    experiment: Experiment,
+    variants: Mapping[str, Mapping[str, Any] | None] | None = None,
+    *,
+    seeds: Sequence[int] = (0,),
+) -> pd.DataFrame:
+    """What does each part of the method add? Stage 1 alone, both stages, and Stage 2 with parts left out.
+
+    (Table "Two-stage pipeline"; scales on and off.)
+
+    Args:
+        experiment: pool, benchmarks and budgets; its own seed is not used.
+        variants: row name -> settings of Stage 2, None for Stage 1 alone; by default Stage 1, Stage 1+2,
+            without scales, and with weights of each block's own.
+        seeds: of both stages; every variant of one seed starts from the same subset.
+
+    Returns:
+        A row a (variant, seed): the validation score, the benchmarks, their mean.
+    """
+    chosen = STAGES if variants is None else variants
+    frames = []
+    for seed in seeds:
+        seeded = experiment.changed(seed=seed)
+        first = seeded.answer(routing=False)
+        recipes: dict[str, Recipe] = {}
+        for name, settings in chosen.items():
+            recipes[name] = (
+                first.recipe if settings is None else seeded.stage2(first.subset, **settings).run().recipe
+            )
+        frame = scored(seeded, recipes).rename_axis("variant").reset_index()
+        frame.insert(1, "seed", seed)
+        frame.insert(2, "subset", ", ".join(first.subset))
+        frames.append(frame)
+    return pd.concat(frames, ignore_index=True).set_index(["variant", "seed"])
+
+
+STAGES: dict[str, dict[str, Any] | None] = {
+    "Stage 1": None,
+    "Stage 1+2": {},
+    "without scales": {"scaled": False},
+    "weights by block": {"tied": False},
+}
+"""The variants of :func:`stage_variants`: settings that differ from those of Stage 2's defaults."""
+
+
+def over_seeds(table: pd.DataFrame) -> pd.DataFrame:
+    """Mean and range over the seeds of :func:`stage_variants`: a row a variant, columns (name, statistic)."""
+    numbers = table.select_dtypes("number")
+    grouped = numbers.groupby(level="variant", sort=False)
+    return pd.concat(
+        {"mean": grouped.mean(), "lowest": grouped.min(), "highest": grouped.max()}, axis=1
+    ).swaplevel(axis=1)[[(column, s) for column in numbers for s in ("mean", "lowest", "highest")]]
+
+
+def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
+    """Does a subset found on one pool serve another of the same source names? (Table "Reusable-subset".)
+
+    On each pool, Stage 2 mixes once the subset its own Stage 1 found and once the other pool's.
+
+    Args:
+        first: one pool, with its benchmarks and budgets.
+        second: the other, whose sources have the same names.
+
+    Returns:
+        A row a (pool, subset): the sources, their overlap with the pool's own subset, the benchmarks, their
+        mean, and how many evaluations the row needed on its pool, from the store or not.
+
+    Raises:
+        InputError: a source of one subset is missing in the other pool, or both pools have one name.
+    """
+    if first.pool.name == second.pool.name:
+        raise InputError(
+            f"subset transfer: found two pools called {first.pool.name!r}, expected a name for each"
+        )
+    own = {experiment: experiment.answer() for experiment in (first, second)}
+    frames = []
+    for here, other in ((first, second), (second, first)):
+        reused = here.answer(subset=transfer(own[other].subset, here.pool.names))
+        answers = {"own search": own[here], f"found on {other.pool.name}": reused}
+        frame = _table(here, answers).rename_axis("subset from").reset_index()
+        frame.insert(0, "pool", here.pool.name)
+        frame["evaluations"] = [_distinct(answer.counts.values()) for answer in answers.values()]
+        frames.append(frame)
+    return pd.concat(frames, ignore_index=True).set_index(["pool", "subset from"])
+
+
+def _table(
+    experiment: Experiment,
+    answers: Mapping[str, Answer],
+    *,
+    guide: Benchmark | None = None,
+    first: Sequence[str] = (),
+) -> pd.DataFrame:
+    scores = scored(experiment, {name: answer.recipe for name, answer in answers.items()}, guide=guide)
+    subsets = [answer.subset for answer in answers.values()]
+    compared = first or subsets[0]
+    scores.insert(0, "subset", [", ".join(subset) for subset in subsets])
+    scores.insert(1, "sources", [len(subset) for subset in subsets])
+    scores.insert(2, "overlap", [overlap(compared, subset) for subset in subsets])
+    return scores
+
+
+def scored(
+    experiment: Experiment, recipes: Mapping[str, Recipe], *, guide: Benchmark | None = None
+) -> pd.DataFrame:
+    """A row a recipe, a column a benchmark; the mean leaves out what guided the search.
+
+    Where another benchmark than the experiment's was the ``guide``, columns bear no ``*``: it differs by row.
+    """
+    scores = experiment.scores(recipes)
+    columns = list(dict.fromkeys(scores["benchmark"]))
+    table = scores.pivot(index="network", columns="benchmark", values="score").loc[list(recipes), columns]
+    table.columns.name = None
+    guided = {mark for pair in (guide or experiment.validation).pairs for mark in identities(pair)}
+    seen = {
+        benchmark.name
+        for benchmark in (experiment.validation, *experiment.reported)
+        if any(guided & identities(pair) for pair in benchmark.pairs)
+    }
+    unseen = [name for name in columns if name not in seen]
+    mean = table[unseen].mean(axis=1, skipna=False) if unseen else np.nan
+    marks = {} if guide is not None else {name: f"{name} *" for name in columns if name in seen}
+    return table.rename(columns=marks).assign(**{MEAN: mean})
+
+
+def _distinct(counts: Iterable[Counts]) -> int:
+    return sum(count.distinct for count in counts)

@@ -1,0 +1,199 @@
+"""One experiment: a pool, what guides the search, what tests its result, and the budgets.
+
+An ablation changes one of these and leaves the others as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import pandas as pd
+
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.errors import InputError
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.separation import check_separation
+from sfkit.evaluation.store import EvaluationStore
+from sfkit.evaluation.table import score_table
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+from sfkit.search.breeding import SubsetSettings
+from sfkit.search.constraints import Constraints
+from sfkit.search.records import Counts
+from sfkit.search.routing import RoutingCandidate, RoutingSearch
+from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.subset import SubsetCandidate, SubsetSearch
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a search found.
+
+    Attributes:
+        stage1: the best subset, equally weighted.
+        stage2: its best mixture; None where Stage 2 was left out.
+        counts: evaluations of both stages, by name of the stage.
+    """
+
+    stage1: SubsetCandidate
+    stage2: RoutingCandidate | None
+    counts: Mapping[str, Counts]
+
+    @property
+    def subset(self) -> tuple[str, ...]:
+        """The chosen sources, in the pool's order."""
+        return self.stage1.subset
+
+    @property
+    def best(self) -> SubsetCandidate | RoutingCandidate:
+        """The last stage's candidate."""
+        return self.stage2 or self.stage1
+
+    @property
+    def recipe(self) -> Recipe:
+        """What to deploy."""
+        return self.best.recipe
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A pool, its benchmarks, the store and the budgets; the defaults are the paper's.
+
+    Attributes:
+        pool: whose sources are merged.
+        validation: what guides the searches, with its metric.
+        reported: what tests their results; none of its pairs may be among the validation's.
+        store: where every evaluation is kept, so that experiments that share a recipe share its score.
+        metric: what the tables show; the validation benchmark's unless given.
+        population: M of Stage 1.
+        generations: T_1 of Stage 1.
+        evaluations: N_eval of Stage 2.
+        seed: of both stages.
+        device: as for :class:`~sfkit.evaluation.evaluator.Evaluator`.
+    """
+
+    pool: Pool
+    validation: Benchmark
+    reported: tuple[Benchmark, ...]
+    store: EvaluationStore
+    metric: str | None = None
+    population: int = 50
+    generations: int = 15
+    evaluations: int = 300
+    seed: int = 0
+    device: str = "cpu"
+    _evaluators: dict[tuple[str, ...], Evaluator] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reported", tuple(self.reported))
+        if not self.reported:
+            raise InputError(
+                "experiment: found no reported benchmark, expected at least one that guides no search"
+            )
+
+    @property
+    def shown(self) -> str:
+        """The metric of tables."""
+        return self.metric or self.validation.metric
+
+    def changed(self, **fields: Any) -> Experiment:
+        """The same experiment with some fields replaced."""
+        return replace(self, _evaluators={} if "pool" in fields else self._evaluators, **fields)
+
+    def scorer(
+        self, benchmark: Benchmark | None = None, metric: str | None = None, also: Sequence[str] = ()
+    ) -> Evaluator:
+        """An evaluator on this store, made once for its arguments; on validation unless given."""
+        chosen = self.validation if benchmark is None else benchmark
+        wanted = metric or chosen.metric
+        key = (chosen.fingerprint(), chosen.protocol, wanted, *also)
+        if key not in self._evaluators:
+            self._evaluators[key] = Evaluator(
+                self.pool,
+                chosen,
+                store=self.store,
+                metric=wanted,
+                also=(chosen.metric, self.shown, *also),
+                device=self.device,
+            )
+        return self._evaluators[key]
+
+    def stage1(
+        self,
+        scorer: Evaluator | None = None,
+        *,
+        constraints: Constraints | None = None,
+        start: Sequence[Sequence[str]] = (),
+    ) -> SubsetSearch:
+        """Stage 1, run to its end."""
+        settings = SubsetSettings(population=self.population, generations=self.generations, seed=self.seed)
+        search = SubsetSearch(
+            self.pool.names,
+            self.pool.blocks,
+            scorer or self.scorer(),
+            settings,
+            constraints=constraints,
+            start=start,
+        )
+        search.run()
+        return search
+
+    def stage2(
+        self, subset: Sequence[str], scorer: Evaluator | None = None, **settings: Any
+    ) -> RoutingSearch:
+        """Stage 2 over a subset, run to its end; ``settings`` as :class:`RoutingSettings` takes them."""
+        chosen = RoutingSettings(**{"evaluations": self.evaluations, "seed": self.seed, **settings})
+        search = RoutingSearch(subset, self.pool.blocks, scorer or self.scorer(), chosen)
+        search.run()
+        return search
+
+    def answer(
+        self, scorer: Evaluator | None = None, *, subset: Sequence[str] | None = None, routing: bool = True
+    ) -> Answer:
+        """Both stages, or Stage 2 alone where a ``subset`` is given; Stage 1 alone without ``routing``."""
+        chosen = scorer or self.scorer()
+        counts: dict[str, Counts] = {}
+        if subset is None:
+            search = self.stage1(chosen)
+            first, counts["Stage 1"] = search.run(), search.counts
+        else:
+            first = self._given(subset, chosen)
+        if not routing:
+            return Answer(first, None, counts)
+        second = self.stage2(first.subset, chosen)
+        counts["Stage 2"] = second.counts
+        return Answer(first, second.run(), counts)
+
+    def scores(self, recipes: Mapping[str, Recipe], metrics: Sequence[str] = ()) -> pd.DataFrame:
+        """One row a (network, benchmark, metric), validation first, as ``score_recipes`` gives them.
+
+        ``metrics`` is :attr:`shown` unless given. A reported benchmark that shares a pair with the
+        validation's has the role ``validation`` too.
+        """
+        apart = check_separation(self.validation, self.reported, allow=True)
+        wanted = tuple(metrics) or (self.shown,)
+        evaluators = [self.scorer(benchmark, also=wanted) for benchmark in apart.columns]
+        return score_table(evaluators, recipes, metrics=wanted, validation=apart.guided)
+
+    def _given(self, subset: Sequence[str], scorer: Evaluator) -> SubsetCandidate:
+        recipe = self.pool.equal(*subset)
+        (outcome,) = scorer([recipe])
+        return SubsetCandidate(
+            number=0,
+            generation=0,
+            recipe=recipe,
+            outcome=outcome,
+            repeated=False,
+            chromosome=recipe.sources,
+            parents=(),
+            operators=("start",),
+        )
+
+
+def overlap(one: Sequence[str], other: Sequence[str]) -> float:
+    """Share of sources two subsets have in common, of all that are in either (Jaccard), in [0, 1]."""
+    union = set(one) | set(other)
+    return len(set(one) & set(other)) / len(union) if union else math.nan
