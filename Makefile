@@ -16,7 +16,7 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint lab clean
+.PHONY: help demo test lint lab screenshots clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
@@ -35,6 +35,9 @@ lint: $(INSTALLED) ## check style, types, and that notebooks carry no outputs
 
 lab: $(INSTALLED) ## open the notebooks in JupyterLab
 	$(BIN)/jupyter lab notebooks
+
+screenshots: $(INSTALLED) ## pictures of the widgets, light and dark, for the README
+	$(BIN)/python docs/screenshots.py
 
 clean: ## remove caches and build results, but not .venv
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -194,7 +194,8 @@ def test_watching_a_journal(made: list[Any], tmp_path: Path) -> None:
     second, _ = routing_search(100, tmp_path / "journal.jsonl")
     second.run()
     until(watched, "children", lambda children: len(children) == 5)
-    assert len(watched.children[-1].trace["drawn"]) == len(second.candidates)
+    # The view may have been made while the search still wrote.
+    until(watched.children[-1], "trace", lambda shown: len(shown["drawn"]) == len(second.candidates))
     tell(control, "stop")
     assert control.error == "this search runs elsewhere and is only watched here: stop it where it runs"
 

@@ -95,7 +95,12 @@ export function lineChart(chart) {
   const caption = element(
     "figcaption",
     {},
-    element("span", { class: "sfkit-chart-title" }, chart.title),
+    element(
+      "span",
+      { class: "sfkit-chart-title" },
+      chart.title,
+      element("span", { class: "sfkit-chart-by" }, ` by ${chart.xName}`),
+    ),
     ...chart.series.filter(({ quiet }) => !quiet).map(legend),
     readout,
   );

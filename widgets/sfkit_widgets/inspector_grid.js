@@ -9,6 +9,7 @@ const PIXELS_A_UNIT = 160; // a drag this long moves a weight from 0 to 1
 const DEAD_ZONE = 3; // pixels a press may move and still be a click
 const STEP = 0.05;
 const FINE_STEP = 0.01;
+const LETTERS_ABREAST = 40; // names of more letters than that stand upright over narrower columns
 
 /**
  * What was typed as a weight: 0.25, .25, 0,25 or 25 %; null where it is no number from 0 to 1.
@@ -30,6 +31,15 @@ export function parseWeight(text) {
  */
 export function draggedWeight(from, right, down) {
   return clamp(from + (right - down) / PIXELS_A_UNIT, 0, 1);
+}
+
+/**
+ * Whether the sources' names stand upright: the longest word of any needs room in every column.
+ * @param {string[]} sources
+ */
+export function standsUpright(sources) {
+  const words = sources.flatMap((name) => name.split(/(?<=-)|\s/));
+  return sources.length * Math.max(0, ...words.map((word) => word.length)) > LETTERS_ABREAST;
 }
 
 /** A name for the edits of one drag, so that they are undone as one. */
@@ -58,7 +68,7 @@ export class WeightGrid {
   }
 
   build() {
-    const wide = this.sources.length > 6;
+    const wide = standsUpright(this.sources);
     const rows = this.cells.map((cells, row) => {
       const name = row === 0 ? "block" : this.blocks[row - 1];
       const label = element("div", { role: row === 0 ? "columnheader" : "rowheader", title: name }, name);

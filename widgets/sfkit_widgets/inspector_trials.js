@@ -29,11 +29,7 @@ export function drawnTrials(best, most) {
  * @returns {{x: number, y: number, failed: boolean}[]}
  */
 export function chartPoints(scores, drawn) {
-  const known = scores.filter((score) => score !== null);
-  // The worst candidates of a search can be far off: the best nine tenths fill the chart.
-  const sorted = [...known].sort((a, b) => a - b);
-  const low = sorted[0] ?? 0;
-  const high = sorted[Math.floor(0.9 * (sorted.length - 1))] ?? 1;
+  const [low = 0, high = 1] = ends(scores);
   const span = high - low || 1;
   return drawn.map((n) => {
     const score = scores[n];
@@ -41,6 +37,26 @@ export function chartPoints(scores, drawn) {
     const share = score === null ? 1 : Math.min(1, (score - low) / span);
     return { x, y: HEIGHT - MARGIN - share * (HEIGHT - 2 * MARGIN), failed: score === null };
   });
+}
+
+/**
+ * What the chart shows: the scores at its lower and upper edge.
+ * @param {(number | null)[]} scores
+ * @param {string} unit
+ */
+export function keyText(scores, unit) {
+  const [low, high] = ends(scores);
+  const span = low === undefined ? "" : `, from ${low.toFixed(2)} to ${high.toFixed(2)} ${unit} and more`;
+  return `dots: the score of each trial${span}; line: the best so far`;
+}
+
+/**
+ * The best score, and the worst of the best nine tenths: the worst candidates of a search can be far off.
+ * @param {(number | null)[]} scores
+ */
+function ends(scores) {
+  const sorted = scores.filter((score) => score !== null).sort((a, b) => a - b);
+  return [sorted[0], sorted[Math.floor(0.9 * (sorted.length - 1))]];
 }
 
 /**
@@ -66,6 +82,7 @@ export function trialScrubber(view, model) {
   const marker = drawing("line", { y1: 0, y2: HEIGHT, class: "trial-marker" });
   const slider = element("input", { type: "range", min: 0, step: 1, "aria-label": "Trial of the search" });
   const words = element("output", { class: "trial-words" });
+  const key = element("p", { class: "help" });
   const best = element("button", { type: "button" }, "Best");
   const more = element("button", { type: "button", title: "Read the search's trials anew" }, "Refresh");
   let gesture = newGesture();
@@ -102,6 +119,7 @@ export function trialScrubber(view, model) {
     const trial = model.get("trial");
     const text = trialText(trial, { iteration, score, bests, name, unit });
     words.textContent = text;
+    key.textContent = keyText(score, unit);
     if (trial !== null) slider.value = String(trial);
     slider.setAttribute("aria-valuetext", text);
     marker.setAttribute("visibility", trial === null ? "hidden" : "visible");
@@ -113,8 +131,9 @@ export function trialScrubber(view, model) {
     "div",
     { class: "trials" },
     element("div", { class: "trials-bar" }, words, best, more),
-    element("div", { class: "trials-chart", title: "score by trial; the line is the best so far" }, chart),
+    element("div", { class: "trials-chart" }, chart),
     slider,
+    key,
   );
   view.watch(["trials"], () => (box.hidden = model.get("trials").score.length === 0));
   return box;

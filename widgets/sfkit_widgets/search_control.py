@@ -179,7 +179,7 @@ def _generation(now: Progress) -> str:
 
 def _says(now: Progress) -> str:
     words = {
-        Phase.READY: "Not started. Run goes on to the end; One step does one generation.",
+        Phase.READY: "Ready. Run goes on to the end; One step does one generation.",
         Phase.RUNNING: "Running. Other cells can run meanwhile.",
         Phase.PAUSING: "Pausing after the evaluation under way.",
         Phase.PAUSED: "Paused.",

@@ -1,10 +1,10 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { draggedWeight, parseWeight } from "../../../widgets/sfkit_widgets/inspector_grid.js";
+import { draggedWeight, parseWeight, standsUpright } from "../../../widgets/sfkit_widgets/inspector_grid.js";
 import { blinked } from "../../../widgets/sfkit_widgets/inspector_pictures.js";
 import { caught } from "../../../widgets/sfkit_widgets/inspector_scales.js";
 import { differenceText, scoreText } from "../../../widgets/sfkit_widgets/inspector_scores.js";
-import { chartPoints, drawnTrials, trialText } from "../../../widgets/sfkit_widgets/inspector_trials.js";
+import { chartPoints, drawnTrials, keyText, trialText } from "../../../widgets/sfkit_widgets/inspector_trials.js";
 
 const known = (value) => ({ state: "known", value });
 const unknown = { state: "unknown", value: null };
@@ -15,6 +15,12 @@ test("weights are read as people write them", () => {
   for (const text of ["", "1.1", "101%", "-0.1", "a", "0.1.2", "1e-3", "0,1,2", "Infinity", "."]) {
     assert.equal(parseWeight(text), null, text);
   }
+});
+
+test("names stand upright where the longest word has no room", () => {
+  assert.equal(standsUpright(["far-scene", "thin-things", "open-ground"]), false);
+  assert.equal(standsUpright(["far-scene", "thin-things", "open-ground", "plain", "haze", "uneven-exposure"]), true);
+  assert.equal(standsUpright([]), false);
 });
 
 test("a drag to the right or upwards adds, and stops at the ends", () => {
@@ -49,6 +55,12 @@ test("differences are in points of percent, or pixels; lower is better", () => {
   assert.equal(differenceText(known(1.2), known(1.1), "px"), "edited is 0.10 px worse");
   assert.equal(differenceText(known(1.2), known(1.2001), "px"), "the same");
   assert.equal(differenceText(known(1.2), unknown, "px"), "");
+});
+
+test("the chart's key tells its ends, the worst tenth aside", () => {
+  const scores = [30, null, 20, 21, 22, 23, 24, 25, 26, 27, 90];
+  assert.ok(keyText(scores, "%").includes("from 20.00 to 30.00 % and more"));
+  assert.equal(keyText([], "%"), "dots: the score of each trial; line: the best so far");
 });
 
 test("of many trials an even choice and every new best is drawn", () => {
