@@ -19,6 +19,7 @@ ROOMS = (
     "merging",
     "evaluation",
     "search",
+    "published",
     "analysis",
     "figures",
     "inspection",
@@ -38,6 +39,7 @@ NARROW = {
     "datasets": {"errors"},
     "merging": {"errors", "checkpoints", "architectures"},  # it never sees an image
     "search": {"errors", "merging", "evaluation"},
+    "published": {"errors"},
     "figures": {"errors", "analysis"},  # they draw records, and compute none
     "notebooks": {"errors"},
     "reports": {"errors"},
