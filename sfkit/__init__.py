@@ -14,6 +14,7 @@ Open a pool, search which sources to merge (Stage 1) and how (Stage 2), write on
 
 from importlib.metadata import version
 
+from sfkit import baselines
 from sfkit.architectures import InputConvention, PadSides, register_architecture
 from sfkit.checkpoints import FileForm, read_checkpoint
 from sfkit.datasets.benchmark import Benchmark
@@ -70,6 +71,7 @@ __all__ = [
     "StoreError",
     "SubsetSearch",
     "SubsetSettings",
+    "baselines",
     "check_data",
     "estimate",
     "load_network",

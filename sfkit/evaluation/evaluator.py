@@ -130,6 +130,26 @@ class Evaluator:
         other.__dict__.pop("engine", None)
         return other
 
+    def with_pool(self, pool: Pool) -> Evaluator:
+        """The same evaluator on another pool of the same base and architecture, such as a prepared one.
+
+        Images and store are shared, its counts are at 0 and it has an engine of its own.
+
+        Raises:
+            InputError: another base or architecture, or a pool that the engine's workers could not open.
+        """
+        if pool is self.pool:
+            return self
+        if pool.base.fingerprint != self._frame["base"] or pool.describe() != self._frame["architecture"]:
+            raise InputError(
+                f"pool {pool.name!r}: has another base or architecture than pool {self.pool.name!r}, "
+                "expected the same: make a new Evaluator for it"
+            )
+        check_pool(self._engine_name, pool)
+        other = self.with_store(self.store)
+        other.pool = pool
+        return other
+
     def release(self) -> None:
         """Let go of networks and workers; they are made again when the next recipe has to be computed."""
         if "engine" in self.__dict__:
@@ -232,6 +252,18 @@ class CombinedScorer:
         """One outcome a recipe: failed where any benchmark failed, cached where all were."""
         table = [evaluator(recipes) for evaluator in self.evaluators]
         return [self._combine([row[n] for row in table]) for n in range(len(recipes))]
+
+    def with_pool(self, pool: Pool) -> CombinedScorer:
+        """The same on another pool; see :meth:`Evaluator.with_pool`."""
+        return CombinedScorer(
+            [e.with_pool(pool) if isinstance(e, Evaluator) else e for e in self.evaluators], self.how
+        )
+
+    def release(self) -> None:
+        """Let go of all networks and workers."""
+        for evaluator in self.evaluators:
+            if isinstance(evaluator, Evaluator):
+                evaluator.release()
 
     def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
         scores = [outcome.score for outcome in outcomes]

@@ -20,6 +20,7 @@ ROOMS = (
     "evaluation",
     "search",
     "published",
+    "baselines",
     "analysis",
     "figures",
     "inspection",

@@ -1,0 +1,50 @@
+"""Baselines: every method the paper compares with, one function each, tuned on validation alone.
+
+Each is called with a pool and an evaluator, and says what it chose, tried and cost::
+
+    tuned = sfkit.baselines.task_arithmetic(pool, evaluator)
+    run = sfkit.baselines.run_baselines(pool, evaluator, seed=1)
+    sfkit.baselines.baseline_table(run)
+"""
+
+from sfkit.baselines.plain import single_best, single_best_oracle, task_arithmetic, uniform
+from sfkit.baselines.registry import (
+    Baseline,
+    BaselineResult,
+    Choice,
+    Network,
+    baseline,
+    baseline_named,
+    baselines,
+    catalogue,
+)
+from sfkit.baselines.running import BaselineRun, baseline_table, run_baselines, score_baselines
+from sfkit.baselines.soups import greedy_soup, greedy_soup_strict
+from sfkit.baselines.subsets import exhaustive, random_subsets, stage1, stage1_2
+from sfkit.baselines.trials import Trials
+
+__all__ = [
+    "Baseline",
+    "BaselineResult",
+    "BaselineRun",
+    "Choice",
+    "Network",
+    "Trials",
+    "baseline",
+    "baseline_named",
+    "baseline_table",
+    "baselines",
+    "catalogue",
+    "exhaustive",
+    "greedy_soup",
+    "greedy_soup_strict",
+    "random_subsets",
+    "run_baselines",
+    "score_baselines",
+    "single_best",
+    "single_best_oracle",
+    "stage1",
+    "stage1_2",
+    "task_arithmetic",
+    "uniform",
+]

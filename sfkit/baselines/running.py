@@ -1,0 +1,150 @@
+"""Several baselines in one call, and their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from sfkit.baselines.registry import Baseline, BaselineResult, baseline_named, baselines
+from sfkit.baselines.trials import Validation
+from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.table import score_table
+from sfkit.merging.pool import Pool
+
+Progress = Callable[[str, int, int], None]
+"""Hears a method's label when it begins, how many are done, and of how many."""
+
+
+@dataclass(frozen=True)
+class BaselineRun:
+    """What several baselines found.
+
+    Attributes:
+        results: by method name, in the order they were asked for.
+        skipped: method name -> why it does not suit this pool or benchmark, one sentence.
+    """
+
+    results: Mapping[str, BaselineResult]
+    skipped: Mapping[str, str]
+
+
+def run_baselines(
+    pool: Pool,
+    validation: Validation,
+    names: Iterable[str] | None = None,
+    *,
+    seed: int = 0,
+    population: int = 50,
+    generations: int = 15,
+    evaluations: int = 300,
+    tests: Sequence[Evaluator] = (),
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    progress: Progress = lambda *_: None,
+) -> BaselineRun:
+    """Run baselines one after the other on one validation benchmark.
+
+    Args:
+        pool: base and sources.
+        validation: the evaluator every method tunes on; with a store, nothing is scored twice.
+        names: which methods; None for all but those that run on request only. A method that does not suit
+            is skipped with its reason, unless it was named.
+        seed: of every method that draws.
+        population: of Stage 1.
+        generations: of Stage 1.
+        evaluations: of Stage 2.
+        tests: evaluators of the benchmarks one reports on; only the methods marked as oracles see them.
+        settings: method name -> settings of its own.
+        progress: hears of each method when it begins, and of the end.
+
+    Raises:
+        InputError: an unknown method or setting, or a named method does not suit.
+    """
+    chosen = [baseline_named(name) for name in (_usual() if names is None else names)]
+    own = settings or {}
+    for name in own:
+        baseline_named(name)
+    shared = {"seed": seed, "population": population, "generations": generations, "tests": tuple(tests)}
+    shared["evaluations"] = evaluations
+    results: dict[str, BaselineResult] = {}
+    skipped: dict[str, str] = {}
+    # Stage 1 first: random subsets get as many evaluations as it took.
+    for done, entry in enumerate(sorted(chosen, key=lambda entry: entry.name != "stage1")):
+        progress(entry.label, done, len(chosen))
+        if "stage1" in results:
+            shared["budget"] = results["stage1"].evaluations
+        given = _settings(entry, shared, own.get(entry.name, {}))
+        try:
+            results[entry.name] = entry(pool, validation, **given)
+        except InputError as error:
+            if names is not None:
+                raise
+            skipped[entry.name] = str(error)
+    progress("", len(chosen), len(chosen))
+    ordered = {entry.name: results[entry.name] for entry in chosen if entry.name in results}
+    return BaselineRun(ordered, skipped)
+
+
+def baseline_table(run: BaselineRun) -> pd.DataFrame:
+    """One row a method: its score on validation, what it chose, what it cost, what it was allowed to see."""
+    rows = [
+        {
+            "method": result.label,
+            "validation": result.score,
+            "chosen": ", ".join(f"{key}={_text(value)}" for key, value in result.settings.items()),
+            "evaluations": result.evaluations,
+            "image passes": result.image_passes,
+            "seconds": result.seconds,
+            "sees": "the report's benchmarks" if result.oracle else "validation",
+            "note": result.note,
+        }
+        for result in run.results.values()
+    ]
+    return pd.DataFrame(rows).set_index("method")
+
+
+def score_baselines(
+    run: BaselineRun,
+    evaluators: Sequence[Evaluator],
+    *,
+    metrics: Sequence[str] = (),
+    validation: Sequence[str] = (),
+) -> pd.DataFrame:
+    """Score the methods' networks on benchmarks; the columns of :func:`sfkit.evaluation.table.score_table`.
+
+    Args:
+        run: what :func:`run_baselines` returned.
+        evaluators: of the benchmarks; their pool is the one the baselines were run on.
+        metrics: as there.
+        validation: names of the benchmarks that guided the methods.
+    """
+    parts = [
+        score_table(
+            [evaluator.with_pool(result.pool) for evaluator in evaluators],
+            {result.label: result.recipe},
+            metrics=metrics,
+            validation=validation,
+        )
+        for result in run.results.values()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def _usual() -> list[str]:
+    return [name for name in baselines() if not baseline_named(name).on_request]
+
+
+def _settings(entry: Baseline[Any], shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    for key in own:
+        if key not in entry.parameters:
+            raise unknown_name(f"setting of baseline {entry.name!r}", key, entry.parameters)
+    return {key: value for key, value in shared.items() if key in entry.parameters} | dict(own)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return "+".join(map(str, value)) if isinstance(value, tuple) else str(value)

@@ -1,0 +1,97 @@
+"""Subsets merged with equal weights: at random, all of them, and by Stage 1; then Stage 2 on top."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from sfkit.baselines.registry import Choice, baseline
+from sfkit.baselines.trials import Trials, best_of
+from sfkit.errors import InputError
+from sfkit.search import RoutingSearch, RoutingSettings, SubsetCandidate, SubsetSearch, SubsetSettings
+
+MOST = 4096
+"""Subsets that exhaustive search scores at most: those of 12 sources."""
+
+STEREOFACTORY = "StereoFactory"
+
+
+@baseline("random_subsets", label="random subsets", paper="")
+def random_subsets(trials: Trials, *, budget: int = 800, seed: int = 0) -> Choice:
+    """The best of ``budget`` different subsets drawn at random, each as likely as any other.
+
+    Args:
+        trials: the run.
+        budget: subsets to score; Stage 1's number of evaluations makes the comparison fair.
+        seed: of the draws.
+
+    Raises:
+        InputError: a budget below 1, or fewer than two sources.
+    """
+    names = trials.pool.names
+    if budget < 1:
+        raise InputError(f"budget: found {budget}, expected at least 1 evaluation")
+    _require_two(names)
+    rng, drawn = np.random.default_rng([seed, 3]), dict[tuple[str, ...], None]()
+    while len(drawn) < min(budget, 2 ** len(names) - 1 - len(names)):
+        inside = rng.random(len(names)) < 0.5
+        if inside.sum() >= 2:
+            drawn[tuple(name for name, taken in zip(names, inside, strict=True) if taken)] = None
+    return _best(trials, list(drawn))
+
+
+@baseline("exhaustive", label="best subset (exhaustive)", paper="", on_request=True)
+def exhaustive(trials: Trials, *, most: int = MOST) -> Choice:
+    """The best of all subsets of two or more sources: what Stage 1 could find at most.
+
+    Raises:
+        InputError: more subsets than ``most``, or fewer than two sources.
+    """
+    names = trials.pool.names
+    _require_two(names)
+    count = 2 ** len(names) - 1 - len(names)
+    if count > most:
+        raise InputError(
+            f"exhaustive: {len(names)} sources have {count:,} subsets, expected at most {most:,}: "
+            f"allow more (most={count}), or leave it to Stage 1"
+        )
+    return _best(trials, [c for size in range(2, len(names) + 1) for c in combinations(names, size)])
+
+
+@baseline("stage1", label="Stage 1", paper=f"{STEREOFACTORY}, Algorithm 1")
+def stage1(trials: Trials, *, population: int = 50, generations: int = 15, seed: int = 0) -> Choice:
+    """The genetic algorithm over subsets, merged with equal weights."""
+    best = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
+    return Choice(best.recipe, settings={"subset": best.subset})
+
+
+@baseline("stage1_2", label="Stage 1+2", paper=f"{STEREOFACTORY}, Algorithms 1 and 2")
+def stage1_2(
+    trials: Trials, *, population: int = 50, generations: int = 15, evaluations: int = 300, seed: int = 0
+) -> Choice:
+    """Stage 1, then CMA-ES over routing weights and module scales; its evaluations are those of both."""
+    first = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
+    settings = RoutingSettings(evaluations=evaluations, seed=seed)
+    search = RoutingSearch(first.subset, trials.pool.blocks, trials.validation, settings)
+    best = search.run()
+    trials.heard(search.history.assign(stage="Stage 2"), [c.outcome for c in search.candidates])
+    return Choice(best.recipe, settings={"subset": first.subset})
+
+
+def _stage1(trials: Trials, settings: SubsetSettings) -> SubsetCandidate:
+    search = SubsetSearch(trials.pool.names, trials.pool.blocks, trials.validation, settings)
+    best = search.run()
+    trials.heard(search.history.assign(stage="Stage 1"), [c.outcome for c in search.candidates])
+    return best
+
+
+def _best(trials: Trials, subsets: list[tuple[str, ...]]) -> Choice:
+    recipes = [trials.pool.equal(*subset) for subset in subsets]
+    chosen = recipes[best_of(trials.score(recipes))]
+    return Choice(chosen, settings={"subset": chosen.sources})
+
+
+def _require_two(names: tuple[str, ...]) -> None:
+    if len(names) < 2:
+        raise InputError(f"sources: found {len(names)}, expected at least two to choose among")

@@ -1,0 +1,104 @@
+"""What a baseline works with: it scores recipes on the validation benchmark, and all it tried is kept."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import pandas as pd
+
+from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.outcome import Outcome
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+Validation = Evaluator | CombinedScorer
+"""Scores recipes on the validation benchmark, or on several."""
+
+
+class Trials:
+    """One run of one method: its pool, its scorer, and a record of everything it tried.
+
+    Attributes:
+        pool: base and sources as they were read.
+        validation: all a method may tune on.
+        seconds: time spent so far: evaluations (those from the store count what they took when they were
+            computed) and preparing task vectors.
+    """
+
+    def __init__(self, pool: Pool, validation: Validation) -> None:
+        self.pool = pool
+        self.validation = validation
+        self.seconds = 0.0
+        self._rows: list[dict[str, Any]] = []
+        self._heard: dict[str, Outcome] = {}
+
+    @property
+    def evaluations(self) -> int:
+        """Distinct recipes that were scored so far, from the store or not."""
+        return len(self._heard)
+
+    @property
+    def image_passes(self) -> int:
+        """Image pairs that those evaluations take through a network."""
+        return self.evaluations * pairs_of(self.validation)
+
+    def score(
+        self, recipes: Sequence[Recipe], tried: Sequence[dict[str, Any]] = (), *, pool: Pool | None = None
+    ) -> list[float]:
+        """Scores on validation, lower is better; ``inf`` where a candidate failed.
+
+        Args:
+            recipes: what to score.
+            tried: what of each recipe goes into the history, such as ``{"lambda": 0.3}``.
+            pool: the recipes' pool, where their task vectors were prepared.
+        """
+        scorer = self.validation if pool is None else self.validation.with_pool(pool)
+        outcomes = scorer(recipes)
+        if pool is not None:
+            scorer.release()  # each prepared pool has a network of its own: one in memory at a time
+        scores = []
+        for number, (recipe, outcome) in enumerate(zip(recipes, outcomes, strict=True)):
+            score = math.inf if outcome.failed else outcome.score
+            scores.append(score)
+            self._count(outcome)
+            about = tried[number] if tried else {"subset": recipe.sources}
+            self._rows.append({**about, "score": score, "error": outcome.error, "cached": outcome.cached})
+        return scores
+
+    def heard(self, history: pd.DataFrame, outcomes: Sequence[Outcome]) -> None:
+        """Take over what a search tried and heard."""
+        for outcome in outcomes:
+            self._count(outcome)
+        self._rows += [{str(k): v for k, v in row.items()} for row in history.to_dict(orient="records")]
+
+    @contextmanager
+    def timed(self) -> Iterator[None]:
+        """Count work that is no evaluation, such as trimming task vectors."""
+        started = time.perf_counter()
+        yield
+        self.seconds += time.perf_counter() - started
+
+    def history(self) -> pd.DataFrame:
+        """What was tried: one row a candidate, in order."""
+        return pd.DataFrame(self._rows)
+
+    def _count(self, outcome: Outcome) -> None:
+        if outcome.key not in self._heard:
+            self._heard[outcome.key] = outcome
+            self.seconds += outcome.seconds
+
+
+def best_of(scores: Sequence[float]) -> int:
+    """The position of the lowest score, the earlier one of a tie."""
+    return min(range(len(scores)), key=lambda n: (scores[n], n))
+
+
+def pairs_of(validation: Validation) -> int:
+    """Image pairs one evaluation takes through the network."""
+    if isinstance(validation, CombinedScorer):
+        return sum(pairs_of(part) for part in validation.evaluators if isinstance(part, Validation))
+    return len(validation.benchmark)
