@@ -8,6 +8,7 @@ PYTEST ?=
 
 BIN := .venv/bin
 INSTALLED := .venv/.installed
+PEERS := .venv-peers/.installed
 # Outputs, counts, and what papermill and widgets leave behind; as in .pre-commit-config.yaml.
 STRIP := --keep-id --extra-keys "metadata.papermill metadata.widgets cell.metadata.papermill"
 NOTEBOOKS = $(shell git ls-files '*.ipynb')
@@ -16,7 +17,7 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint lab screenshots clean
+.PHONY: help demo test lint lab screenshots bench clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
@@ -39,9 +40,12 @@ lab: $(INSTALLED) ## open the notebooks in JupyterLab
 screenshots: $(INSTALLED) ## pictures of the widgets, light and dark, for the README
 	$(BIN)/python docs/screenshots.py
 
+bench: $(PEERS) ## measure speed and searches beside mergekit, pymoo and DEAP
+	env -u OMP_NUM_THREADS .venv-peers/bin/python benchmarks/merging.py
+
 clean: ## remove caches and build results, but not .venv
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +
+	find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +
 
 # Made again only when what is to be installed has changed.
 $(INSTALLED): pyproject.toml constraints.txt
@@ -49,4 +53,12 @@ $(INSTALLED): pyproject.toml constraints.txt
 	  { echo "sfkit needs Python 3.11 or newer, $(PYTHON) is older: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,browser,ray]'
+	@touch $@
+
+# What .venv holds, and the peers: an environment of their own that borrows the other one's packages.
+$(PEERS): $(INSTALLED) constraints-peers.txt
+	$(BIN)/python -m venv .venv-peers
+	$(BIN)/python -c "import sysconfig; print('import site; site.addsitedir(%r)' % sysconfig.get_path('purelib'))" \
+	  > $$(.venv-peers/bin/python -c "import sysconfig; print(sysconfig.get_path('purelib'))")/borrowed.pth
+	.venv-peers/bin/python -m pip install -qq --disable-pip-version-check --no-deps -r constraints-peers.txt
 	@touch $@

@@ -134,10 +134,10 @@ def measure(elements: int, threads: int) -> list[Record]:
     )
     halves = []
     if importlib.util.find_spec("mergekit"):
-        from peers import mergekit_seconds
+        from peers import METHODS, mergekit_work
 
-        for method in ("linear", "task_arithmetic"):
-            record(f"mergekit {method}", mergekit_seconds(world, method, best_of), SOURCES)
+        for method in METHODS:
+            record(f"mergekit {method}", best_of(mergekit_work(world, method), 3), SOURCES)
     return records
 
 
