@@ -21,6 +21,7 @@ from sfkit.analysis.differences import (
 )
 from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_panels
 from sfkit.analysis.experiment import Answer, Experiment, overlap
+from sfkit.analysis.export import export_table
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
@@ -54,6 +55,7 @@ __all__ = [
     "contenders",
     "cost_table",
     "disparity_panels",
+    "export_table",
     "fitness_metrics",
     "growth",
     "measure_recipes",

@@ -78,7 +78,7 @@ SLIM = BankPlan(
     architecture="anynet-slim",
     folder="data-slim",
     base=Plan(steps=1400, peak_rate=2e-3, scenes=240),
-    source=Plan(steps=160, peak_rate=2e-3, scenes=96, warm_up=30),
+    source=Plan(steps=120, peak_rate=2e-3, scenes=72, warm_up=25),
 )
 BANKS = {plan.name: plan for plan in (BANK, SLIM)}
 

@@ -10,33 +10,50 @@ import typer
 
 from sfkit.cli.options import JsonOption, emit, say
 from sfkit.errors import InputError
+from sfkit.notebooks import notebook_path
 
 
 def report(
-    notebook: Annotated[Path, typer.Argument(help="A parameterised notebook.", show_default=False)],
     out: Annotated[Path, typer.Option("--out", "-o", help="The HTML file to write.")],
+    notebook: Annotated[
+        Path, typer.Argument(help="A parameterised notebook, or the name of one that comes with sfkit.")
+    ] = Path("report"),
     parameter: Annotated[
         list[str] | None,
         typer.Option(
             "--parameter", "-p", help="A parameter's name and value (JSON, or text).", metavar="NAME VALUE"
         ),
     ] = None,
+    figures: Annotated[
+        str | None,
+        typer.Option("--figures", help="Also write every figure as svg or png; needs Chromium."),
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Run a notebook from top to bottom and write it as one HTML file that needs no network.
 
-    A run that fails still leaves a report that shows the failing cell, and ends with exit code 1.
+    A run that fails still leaves a report that shows the failing cell, and ends with exit code 1. Run again,
+    an interrupted report computes nothing anew that is in its evaluation store.
 
     \b
     Example:
-      sfkit report notebooks/01_quickstart.ipynb -p pool pool.toml -p seed 1 -o report.html
+      sfkit report -p pool pool.toml -p quick true -o report.html
+      sfkit report 01_quickstart -p seed 1 -o quickstart.html --figures svg
     """
     from sfkit.reports import read_parameters  # with all of Jupyter behind it, too slow for other commands
     from sfkit.reports import report as run_report
 
+    if not notebook.suffix and len(notebook.parts) == 1 and not notebook.exists():
+        notebook = notebook_path(str(notebook))
     values = read_parameters(notebook, dict(_parameter(text) for text in parameter or []))
-    written = run_report(notebook, values, out, progress=say)
-    emit({"report": written}, f"wrote {written}", as_json=json)
+    written = run_report(notebook, values, out, progress=say, figures=figures)
+    document: dict[str, object] = {"report": written}
+    text = f"wrote {written}"
+    if figures is not None:
+        folder = written.with_name(f"{written.stem}_figures")
+        document["figures"] = sorted(folder.glob(f"*.{figures}"))
+        text += f" and its figures in {folder}"
+    emit(document, text, as_json=json)
 
 
 def join_parameters(arguments: Sequence[str]) -> list[str]:

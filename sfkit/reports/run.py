@@ -19,6 +19,7 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.reports.kernel import ThisInterpreter, Watcher
 from sfkit.reports.page import Failure, Run, render_page
 from sfkit.reports.parameters import check_parameters, parameter_defaults, read_notebook
+from sfkit.reports.pictures import check_pictures, write_pictures
 
 
 class ReportError(SfkitError):
@@ -39,6 +40,7 @@ def report(
     out: str | os.PathLike[str],
     *,
     progress: Callable[[str], None] | None = None,
+    figures: str | None = None,
 ) -> Path:
     """Run a notebook with papermill and write one HTML file that needs no network.
 
@@ -52,19 +54,24 @@ def report(
             booleans, None, paths, and lists and dicts of those.
         out: the ``.html`` file to write.
         progress: hears one plain line a cell, and the lines that cells print.
+        figures: ``"svg"`` or ``"png"`` also writes every figure as a file of its own, into the folder
+            ``NAME_figures`` beside ``NAME.html``; this needs an installed Chromium.
 
     Returns:
         The path of the HTML file.
 
     Raises:
         InputError: before anything is run or written: the notebook cannot be read, a parameter is unknown or
-            of another kind than its default, or ``out`` is no place for a report.
+            of another kind than its default, ``out`` is no place for a report, or ``figures`` is another
+            word or asks for a Chromium that is not there.
         ReportError: a cell failed, the kernel died or the run was interrupted; the report shows where.
     """
     source, page = Path(notebook), Path(out)
     content = read_notebook(source)
     values = check_parameters(source, parameter_defaults(source, content), parameters)
     _check_target(source, page)
+    if figures is not None:
+        check_pictures(figures)
 
     page.parent.mkdir(parents=True, exist_ok=True)
     executed = page.with_suffix(".ipynb")
@@ -73,7 +80,10 @@ def report(
     started, clock = datetime.now().astimezone(), time.monotonic()
     failure = _execute(source, executed, values, watcher)
     run = Run(source.name, started, time.monotonic() - clock, values, failure)
-    _write_whole(page, render_page(nbformat.read(executed, as_version=4), run))
+    result = nbformat.read(executed, as_version=4)
+    _write_whole(page, render_page(result, run))
+    if figures is not None:
+        write_pictures(result, page.with_name(f"{page.stem}_figures"), figures)
     if failure is not None:
         place = f"cell {watcher.number} of {code_cells}" if watcher.number else "the kernel"
         raise ReportError(f"{source}: {place} failed with {failure.error}; {page} shows it", page)
