@@ -3,6 +3,9 @@
 PYTHON ?= python3
 # Test processes: the tests are independent of each other.
 JOBS ?= 2
+# How often `make soak` kills a search in this process, and the tests it runs.
+KILLS ?= 1000
+SOAK := tests/search/test_search_killed.py
 # More for pytest, for instance: make test PYTEST="-k pool"
 PYTEST ?=
 
@@ -17,7 +20,7 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint lab screenshots bench clean
+.PHONY: help demo test soak lint lab screenshots bench clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
@@ -27,6 +30,9 @@ demo: $(INSTALLED) ## both stages on the embedded bank, in about two minutes
 
 test: $(INSTALLED) ## run all tests
 	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile $(PYTEST)
+
+soak: $(INSTALLED) ## kill searches at many more random moments; KILLS=1000 unless said otherwise
+	SFKIT_KILLS=$(KILLS) SFKIT_KILLS_SEED=$$(date +%s) $(BIN)/python -m pytest --slow -n $(JOBS) $(SOAK) $(PYTEST)
 
 lint: $(INSTALLED) ## check style, types, and that notebooks carry no outputs
 	$(BIN)/ruff check .
