@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import warnings
 from collections.abc import Sequence
@@ -70,6 +71,8 @@ def _run(words: list[str]) -> int:
     except SfkitError as error:
         return _refuse(str(error), 1)
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            return _refuse(f"{error.strerror}: make room and start again, what was evaluated is stored", 2)
         if error.filename is None:
             raise
         return _refuse(f"{error.filename}: {error.strerror}", 2)

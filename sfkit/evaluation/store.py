@@ -12,45 +12,21 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.errors import StoreError
+from sfkit.evaluation.file_systems import NETWORK_FILE_SYSTEMS, file_system
 from sfkit.evaluation.metrics import ImageErrors
 
 APPLICATION_ID = 0x73666B74  # "sfkt", in the file's header: tells a store from any other SQLite file
 SCHEMA_VERSION = 1
-NETWORK_FILE_SYSTEMS = frozenset(
-    [
-        "nfs",
-        "nfs4",
-        "cifs",
-        "smb",
-        "smb2",
-        "smb3",
-        "smbfs",
-        "ncpfs",
-        "afs",
-        "9p",
-        "ceph",
-        "lustre",
-        "gpfs",
-        "beegfs",
-        "glusterfs",
-        "pvfs2",
-        "davfs",
-        "fuse.sshfs",
-        "fuse.glusterfs",
-        "fuse.s3fs",
-        "fuse.gcsfuse",
-        "fuse.rclone",
-        "fuse.ceph",
-    ]
-)
-
+OPEN_SECONDS = 60.0  # how long a process waits for another that holds the file
+_DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter where garbage stands in SQLite's message
+_BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS evaluations (
     number INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -60,9 +36,11 @@ CREATE TABLE IF NOT EXISTS evaluations (
     failure TEXT,
     seconds REAL NOT NULL,
     written REAL NOT NULL,
-    attempts INTEGER NOT NULL DEFAULT 1
+    attempts INTEGER NOT NULL DEFAULT 1,
+    checksum TEXT
 )
 """
+_COLUMNS = "key, description, errors, failure, seconds, checksum"
 _MARKS_SCHEMA = """
 CREATE TABLE IF NOT EXISTS marks (
     key TEXT NOT NULL,
@@ -137,31 +115,28 @@ class EvaluationStore:
 
     def get(self, key: str) -> Evaluation | None:
         """The evaluation under ``key``, or None."""
-        row = self._rows(
-            "SELECT key, description, errors, failure, seconds FROM evaluations WHERE key = ?", (key,)
-        )
-        return _evaluation(row[0]) if row else None
+        row = self._rows(f"SELECT {_COLUMNS} FROM evaluations WHERE key = ?", (key,))
+        return self._evaluation(row[0]) if row else None
 
     def put(self, evaluation: Evaluation) -> Evaluation:
         """Write an evaluation and return what the store now holds under its key: the first one written.
 
         A recorded failure is replaced by a later attempt, which only happens on request.
+
+        Raises:
+            StoreError: the disk is full, or the file was damaged or taken away since it was opened. What
+                was written before stays.
         """
+        description = json.dumps(evaluation.description, sort_keys=True)
         errors = None if evaluation.failure else json.dumps([image.to_dict() for image in evaluation.images])
-        with self._lock, self._db:
+        row = (evaluation.key, description, errors, evaluation.failure, evaluation.seconds)
+        with self._writing():
             self._db.execute(
-                "INSERT INTO evaluations (key, description, errors, failure, seconds, written) "
-                "VALUES (?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET errors = excluded.errors, "
-                "failure = excluded.failure, seconds = excluded.seconds, written = excluded.written, "
-                "attempts = attempts + 1 WHERE evaluations.failure IS NOT NULL",
-                (
-                    evaluation.key,
-                    json.dumps(evaluation.description, sort_keys=True),
-                    errors,
-                    evaluation.failure,
-                    evaluation.seconds,
-                    time.time(),
-                ),
+                "INSERT INTO evaluations (key, description, errors, failure, seconds, checksum, written) "
+                "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET errors = excluded.errors, "
+                "failure = excluded.failure, seconds = excluded.seconds, checksum = excluded.checksum, "
+                "written = excluded.written, attempts = attempts + 1 WHERE evaluations.failure IS NOT NULL",
+                (*row, _checksum(*row), time.time()),
             )
         held = self.get(evaluation.key)
         if held is None:
@@ -170,8 +145,8 @@ class EvaluationStore:
 
     def __iter__(self) -> Iterator[Evaluation]:
         """All evaluations in the order they were first written."""
-        query = "SELECT key, description, errors, failure, seconds FROM evaluations ORDER BY number"
-        return (_evaluation(row) for row in self._rows(query, ()))
+        query = f"SELECT {_COLUMNS} FROM evaluations ORDER BY number"
+        return (self._evaluation(row) for row in self._rows(query, ()))
 
     def attempts(self, key: str) -> int:
         """How often the evaluation under ``key`` was computed and offered; 0 where there is none."""
@@ -180,7 +155,7 @@ class EvaluationStore:
 
     def mark(self, key: str, mark: str, detail: str = "") -> None:
         """Note something about an evaluation that is no part of its scores; a second time changes nothing."""
-        with self._lock, self._db:
+        with self._writing():
             self._db.execute("INSERT OR IGNORE INTO marks VALUES (?, ?, ?)", (key, mark, detail))
 
     def marks(self, mark: str) -> tuple[tuple[str, str], ...]:
@@ -189,42 +164,115 @@ class EvaluationStore:
         return tuple((str(key), str(detail)) for key, detail in rows)
 
     def _rows(self, query: str, values: Iterable[Any]) -> list[Any]:
-        with self._lock, closing(self._db.execute(query, tuple(values))) as cursor:
+        with self._lock, self._said(), closing(self._db.execute(query, tuple(values))) as cursor:
             return cursor.fetchall()
 
+    def _evaluation(self, row: Sequence[Any]) -> Evaluation:
+        key, description, errors, failure, seconds, checksum = row
+        if checksum not in (None, _checksum(*row[:5])):
+            raise StoreError(
+                f"{self.path}: is damaged, evaluation {key} is not what was written: it is left as it is; "
+                "restore it from a copy or name another file"
+            )
+        images = tuple(ImageErrors.from_dict(image) for image in json.loads(errors)) if errors else ()
+        return Evaluation(key, json.loads(description), images, failure, seconds, cached=True)
 
-def _evaluation(row: Sequence[Any]) -> Evaluation:
-    key, description, errors, failure, seconds = row
-    images = tuple(ImageErrors.from_dict(image) for image in json.loads(errors)) if errors else ()
-    return Evaluation(key, json.loads(description), images, failure, seconds, cached=True)
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """One transaction: all of it is on disk afterwards, or nothing where it raises."""
+        with self._lock, self._said(), self._db:
+            yield
+
+    @contextmanager
+    def _said(self) -> Iterator[None]:
+        """SQLite's errors as a sentence; a closed store is the caller's mistake and stays as it is."""
+        try:
+            yield
+        except sqlite3.ProgrammingError:
+            raise
+        except _DAMAGE as error:
+            raise StoreError(f"{self.path}: {_remedy(error)}") from error
+
+
+def _checksum(*row: str | float | None) -> str:
+    """Tells garbage from what was written: SQLite checks how its pages hang together, not what they say."""
+    return text_digest(json.dumps(row))
 
 
 def _open(path: Path) -> sqlite3.Connection:
+    """Open a store, or make it; the file of one that is there is not touched."""
     new = not path.exists() or path.stat().st_size == 0
     db = None
     try:
-        db = sqlite3.connect(path, timeout=60.0, check_same_thread=False)
+        db = sqlite3.connect(path, timeout=OPEN_SECONDS, check_same_thread=False)
         if not new and str(path) != ":memory:":
             _check_identity(db, path)
-        db.execute("PRAGMA journal_mode = WAL")
+        if not _complete(db):
+            _make(db)
         db.execute("PRAGMA synchronous = FULL")
-        with db:
-            db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-            db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-            db.execute(_SCHEMA)
-            db.execute(_MARKS_SCHEMA)
-    except sqlite3.DatabaseError as error:
+    except _DAMAGE as error:
         if db is not None:
             db.close()
-        raise StoreError(
-            f"{path}: cannot be used as an evaluation store ({error}): it is left as it is; "
-            "restore it from a copy or name another file"
-        ) from error
+        raise StoreError(f"{path}: {_remedy(error)}") from error
     except StoreError:
         if db is not None:
             db.close()
         raise
     return db
+
+
+def _complete(db: sqlite3.Connection) -> bool:
+    """True where everything :func:`_make` makes is there."""
+    (mode,) = db.execute("PRAGMA journal_mode").fetchone()
+    (marks,) = db.execute("SELECT COUNT(*) FROM sqlite_master WHERE name = 'marks'").fetchone()
+    return mode == "wal" and bool(marks) and "checksum" in _columns(db)
+
+
+def _columns(db: sqlite3.Connection) -> list[str]:
+    return [row[1] for row in db.execute("PRAGMA table_info(evaluations)")]
+
+
+def _make(db: sqlite3.Connection) -> None:
+    """Make the tables; two processes may do so at once, and one that is killed leaves all or nothing."""
+    _use_wal(db)
+    db.execute("BEGIN IMMEDIATE")
+    with db:
+        db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+        db.execute(_SCHEMA)
+        db.execute(_MARKS_SCHEMA)
+        if "checksum" not in _columns(db):  # stores from before there were any go on without
+            db.execute("ALTER TABLE evaluations ADD COLUMN checksum TEXT")
+
+
+def _use_wal(db: sqlite3.Connection) -> None:
+    """Turn the journal mode; SQLite does not wait for another process that is just doing the same."""
+    deadline = time.monotonic() + OPEN_SECONDS
+    while True:
+        try:
+            db.execute("PRAGMA journal_mode = WAL")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode not in _BUSY or time.monotonic() > deadline:
+                raise
+            time.sleep(0.01)
+        else:
+            return
+
+
+def _remedy(error: Exception) -> str:
+    """What went wrong and what to do, the end of a sentence that begins with the file."""
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
+    if code == sqlite3.SQLITE_FULL or code & 0xFF == sqlite3.SQLITE_IOERR:
+        return (
+            f"cannot be read or written ({error}): what was stored before is kept; look whether the disk is "
+            "full or failing, make room and start again"
+        )
+    if code & 0xFF in _BUSY:
+        return f"another process has held it for a minute ({error}): end that one, then start again"
+    return (
+        f"cannot be used as an evaluation store ({error}): it is left as it is; restore it from a copy or "
+        "name another file"
+    )
 
 
 def _check_identity(db: sqlite3.Connection, path: Path) -> None:
@@ -250,17 +298,3 @@ def _refuse_network(path: Path) -> None:
             f"{path}: lies on a network file system ({kind}), where SQLite can lose data: put the store on a "
             "local disk and copy the file when the search is done"
         )
-
-
-def file_system(path: Path, mounts: Path = Path("/proc/mounts")) -> str:
-    """The file-system type ``path`` lies on, by the mount table; empty where there is none to read."""
-    if not mounts.is_file():
-        return ""
-    place = path.absolute()
-    best, kind = -1, ""
-    for line in mounts.read_text(encoding="utf-8", errors="replace").splitlines():
-        _, point, fstype, *_ = line.split(" ")
-        target = Path(point.replace("\\040", " "))
-        if place.is_relative_to(target) and len(target.parts) >= best:
-            best, kind = len(target.parts), fstype
-    return kind

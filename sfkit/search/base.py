@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, ClassVar, Generic
 
@@ -64,6 +65,20 @@ class Search(ABC, Generic[C]):
     @abstractmethod
     def history(self) -> pd.DataFrame:
         """One row a candidate, in the order of creation."""
+
+    @property
+    def scorer(self) -> Scorer:
+        """What scores the candidates."""
+        return self._scorer
+
+    @contextmanager
+    def scored_by(self, scorer: Scorer) -> Iterator[None]:
+        """Within this context steps ask another scorer; it must give the same scores, and can listen in."""
+        before, self._scorer = self._scorer, scorer
+        try:
+            yield
+        finally:
+            self._scorer = before
 
     @property
     def done(self) -> bool:

@@ -18,7 +18,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitError
 
 Record = dict[str, Any]
 
@@ -45,12 +45,25 @@ class Journal:
             )
 
     def write(self, event: str, **fields: Any) -> None:
-        """Append one record and the time (UTC) of writing; numbers that are not finite become null."""
+        """Append one record and the time (UTC) of writing; numbers that are not finite become null.
+
+        Raises:
+            SfkitError: it cannot be written, such as on a full disk.
+        """
         record = {"event": event, "time": datetime.now(UTC).isoformat(), **fields}
-        with self.path.open("a+b", buffering=0) as file:
-            if _ends_inside_a_line(file):
-                file.write(b"\n" + _line({"event": "resumed", "time": record["time"]}))
-            file.write(_line(record))
+        lines = _line(record)
+        try:
+            with self.path.open("a+b", buffering=0) as file:
+                if _ends_inside_a_line(file):
+                    lines = b"\n" + _line({"event": "resumed", "time": record["time"]}) + lines
+                written = file.write(lines)
+                while written < len(lines):  # a disk that fills takes a part before it refuses
+                    written += file.write(lines[written:])
+        except OSError as error:
+            raise SfkitError(
+                f"journal {self.path}: cannot be written ({error.strerror}): evaluations are in the store; "
+                "make room and start again"
+            ) from error
 
 
 def read_journal(path: str | os.PathLike[str]) -> tuple[Record, ...]:

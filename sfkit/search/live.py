@@ -74,7 +74,7 @@ class LiveSearch:
             InputError: a search that is neither Stage 1 nor Stage 2.
         """
         self.search = search
-        self.metric = metric_of(search._scorer)
+        self.metric = metric_of(search.scorer)
         self._total = most_candidates(search)
         self._changed = threading.Condition()
         self._wanted = _Wanted.PAUSE
@@ -195,19 +195,16 @@ class LiveSearch:
 
     def _work(self) -> None:
         """The thread: generations until done, a stop, or an error."""
-        scorer = self.search._scorer
-        self.search._scorer = listening(scorer, _Ear(self))
         phase, error = Phase.STOPPED, None
         try:
-            self._go()
+            with self.search.scored_by(listening(self.search.scorer, _Ear(self))):
+                self._go()
         except _HaltError:
             self.search.request_stop()
             for _ in self.search:  # takes no step: it hears the request, and tells the journal
                 break
         except Exception as raised:  # whatever it is, the person who watches must see it
             phase, error = Phase.FAILED, _sentence(raised)
-        finally:
-            self.search._scorer = scorer
         self._settle(Phase.FINISHED if self.search.done else phase, error)
 
     def _go(self) -> None:

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import os
+import random
+import resource
 import sqlite3
 import subprocess
 import sys
 import threading
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 
+from sfkit.cli import main
 from sfkit.errors import StoreError
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key, file_system
@@ -112,6 +117,84 @@ def test_a_truncated_store_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"s\.sqlite: (is damaged|cannot be used)"):
         EvaluationStore(path)
     assert len(path.read_bytes()) == len(data) // 2
+
+
+def test_garbage_anywhere_is_refused_or_harmless_and_never_written_to(tmp_path: Path) -> None:
+    """Truncated anywhere, or 1 to 3000 random bytes anywhere: no score ever changes, the file never does."""
+    path, rng = tmp_path / "s.sqlite", random.Random(4)
+    with EvaluationStore(path) as store:
+        for number in range(40):
+            store.put(evaluation(f"recipe {number}", failure="it fell" if number % 9 == 0 else None))
+        expected = [(e.key, e.images, e.failure) for e in store]
+    whole, refused = path.read_bytes(), 0
+    for number in range(120):
+        data = bytearray(whole)
+        if number % 4 == 0:
+            del data[rng.randrange(1, len(data)) // 4096 * 4096 + rng.choice((0, 0, 7)) :]
+        else:
+            start = rng.randrange(len(data))
+            data[start : start + rng.choice((1, 20, 3000))] = rng.randbytes(rng.choice((1, 20, 3000)))
+        if not data:
+            continue  # an empty file is a new store's name: nothing tells it from one
+        path.write_bytes(data)
+        try:
+            with EvaluationStore(path) as store:
+                found = [(e.key, e.images, e.failure) for e in store]
+        except StoreError:
+            refused += 1
+            assert path.read_bytes() == data
+        else:
+            assert found == expected
+    assert refused > 60
+
+
+def test_opening_reading_and_showing_a_store_do_not_touch_its_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+    os.utime(path, (1e9, 1e9))
+    before = path.read_bytes()
+    with EvaluationStore(path) as store:
+        assert store.get(evaluation("a").key) is not None
+    with pytest.raises(SystemExit, match=r"^0$"):
+        main(["show", str(path)])
+    assert "1 evaluations" in capsys.readouterr().out
+    assert path.read_bytes() == before
+    assert path.stat().st_mtime == 1e9
+    assert [entry.name for entry in tmp_path.iterdir()] == ["s.sqlite"]
+
+
+def test_a_store_from_before_there_were_checksums_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("ALTER TABLE evaluations DROP COLUMN checksum")
+    with EvaluationStore(path) as store:
+        store.put(evaluation("b"))
+        assert [e.images for e in store] == [(IMAGE,), (IMAGE,)]
+
+
+def test_a_full_disk_is_said_and_what_was_stored_stays(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (56 << 10, hard))
+        try:
+            store.put(evaluation("b"))
+            with pytest.raises(StoreError, match="what was stored before is kept; look whether the disk is"):
+                store.put(evaluation("c" * 60000))
+            stored = [e.key for e in store]
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert stored == [evaluation("a").key, evaluation("b").key]
+        store.put(evaluation("z"))
+        assert [e.key for e in store] == [*stored, evaluation("z").key]
+    with EvaluationStore(path) as store:
+        assert [e.key for e in store] == [*stored, evaluation("z").key]
 
 
 def test_another_database_is_refused(tmp_path: Path) -> None:

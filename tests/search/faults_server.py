@@ -18,16 +18,17 @@ import itertools
 import json
 import os
 import resource
-import signal
 import sys
 import time
 from collections.abc import Sequence
+from datetime import datetime, tzinfo
 from pathlib import Path
 
 import faults_network  # noqa: F401 (registers the architecture)
 import torch
 
 from sfkit.cli import main
+from sfkit.search import journal
 
 
 def serve() -> None:
@@ -57,8 +58,7 @@ def forked(
         for stream, ending in ((sys.stdout, "out"), (sys.stderr, "err")):
             with Path(f"{name}.{ending}").open("w", encoding="utf-8") as file:
                 os.dup2(file.fileno(), stream.fileno())
-        if file_limit is not None:
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # writing then fails, as on a full disk
+        if file_limit is not None:  # Python ignores the signal: writing fails, as on a full disk
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
         if clock:
             turn_clock(clock)
@@ -74,7 +74,14 @@ def forked(
 def turn_clock(offsets: Sequence[float]) -> None:
     """From now on every look at the wall clock sees it moved by the next of these offsets, in a circle."""
     turns, true = itertools.cycle(offsets), time.time
-    setattr(time, "time", lambda: true() + next(turns))  # noqa: B010
+
+    class Turned(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> datetime:
+            return datetime.fromtimestamp(time.time(), tz)
+
+    time.time = lambda: true() + next(turns)
+    journal.datetime = Turned
 
 
 if __name__ == "__main__":

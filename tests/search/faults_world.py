@@ -1,4 +1,4 @@
-"""Searches in forked processes that can be killed, starved of disk or shown a wrong clock, and what they leave."""
+"""Searches in forked processes, to be killed, starved of disk or shown a wrong clock; what they leave."""
 
 from __future__ import annotations
 

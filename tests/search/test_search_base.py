@@ -115,7 +115,7 @@ def test_an_error_of_the_scorer_leaves_the_state_as_it_was(build) -> None:
     with pytest.raises(RuntimeError, match="the disk is full"):
         search.run()
     assert search.generation == 1
-    search._scorer.broken = False
+    search.scorer.broken = False
     assert search.run() == whole.run()
     assert search.candidates == whole.candidates
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import resource
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from search_landscapes import BLOCKS, Scorer, names, subset_landscape
 
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitError
 from sfkit.search import (
     Journal,
     RoutingSearch,
@@ -164,3 +166,19 @@ def test_wrong_paths_are_refused(tmp_path) -> None:
         Journal(tmp_path / "missing" / "run.jsonl")
     with pytest.raises(InputError, match="no such file"):
         read_journal(tmp_path / "run.jsonl")
+
+
+def test_a_journal_on_a_full_disk_is_said_and_goes_on_when_there_is_room(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    journal = Journal(path)
+    journal.write("start", search="subset")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 20, hard))
+    try:
+        with pytest.raises(SfkitError, match=r"run\.jsonl: cannot be written \(.*make room and start again"):
+            journal.write("generation", search="subset", number=0)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert [record["event"] for record in read_journal(path)] == ["start"]
+    journal.write("generation", search="subset", number=0)
+    assert [record["event"] for record in read_journal(path)] == ["start", "resumed", "generation"]

@@ -50,7 +50,7 @@ def test_a_search_killed_at_a_random_moment_ends_bit_identically(
 
 
 def kill_between(run: Run, rng: random.Random, total: int) -> int:
-    """kill -9 a search somewhere between its first and its last evaluation; returns how many it stored."""
+    """Kill a search somewhere between its first and its last evaluation; returns how many it stored."""
     pid = run.start()
     run.await_rows(rng.randrange(1, total - 1), pid)
     time.sleep(rng.uniform(0, 0.01))  # about as long as an evaluation takes
