@@ -129,7 +129,7 @@ class EvaluationStore:
         """
         description = json.dumps(evaluation.description, sort_keys=True)
         errors = None if evaluation.failure else json.dumps([image.to_dict() for image in evaluation.images])
-        row = (evaluation.key, description, errors, evaluation.failure, evaluation.seconds)
+        row = (evaluation.key, description, errors, evaluation.failure, float(evaluation.seconds))
         with self._writing():
             self._db.execute(
                 "INSERT INTO evaluations (key, description, errors, failure, seconds, checksum, written) "
