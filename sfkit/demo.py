@@ -28,7 +28,7 @@ from sfkit.merging.saving import save_merged
 from sfkit.notebooks import notebook_path
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 from sfkit.search.records import Generation
-from sfkit.search.routing import RoutingCandidate
+from sfkit.search.routing_records import RoutingCandidate
 from sfkit.search.subset import SubsetCandidate
 
 NOTEBOOK = "01_quickstart"

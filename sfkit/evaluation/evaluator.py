@@ -6,7 +6,7 @@ import copy
 import math
 import threading
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,7 +16,7 @@ from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.engines import Engine, Result, check_engine, check_pool, make_engine
 from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, thresholds_for
-from sfkit.evaluation.outcome import Outcome, Scorer
+from sfkit.evaluation.outcome import Outcome, Part, Scorer
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.evaluation.protocols import protocol
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
@@ -88,6 +88,7 @@ class Evaluator:
         self.store = EvaluationStore(":memory:") if store is None else store
         self.device = device
         self.retry_failed = retry_failed
+        self.splits: tuple[frozenset[int], ...] = ()
         self.counts = Counts()
         self.thresholds = thresholds_for(self.metric, *also)
         inputs = pool.architecture.inputs(pool.options)
@@ -148,6 +149,19 @@ class Evaluator:
         check_pool(self._engine_name, pool)
         other = self.with_store(self.store)
         other.pool = pool
+        return other
+
+    def with_splits(self, splits: Sequence[Iterable[int]]) -> Evaluator:
+        """The same evaluator, whose outcomes also tell scores on images held out from a search.
+
+        Evaluations are of all images as before, under the same keys; engine, store and counts are shared.
+
+        Args:
+            splits: of each split, the numbers of the images held out, from 0 in the benchmark's order.
+        """
+        _ = self.engine  # made now, so that both use one
+        other = copy.copy(self)
+        other.splits = tuple(frozenset(split) for split in splits)
         return other
 
     def release(self) -> None:
@@ -212,7 +226,16 @@ class Evaluator:
     def outcome(self, evaluation: Evaluation) -> Outcome:
         """What a search hears of an evaluation."""
         score = math.inf if evaluation.failure else self.score(evaluation.images)
-        return Outcome(score, evaluation.seconds, evaluation.cached, evaluation.failure, evaluation.key)
+        splits = () if evaluation.failure else self.splits
+        parts = tuple(self._part(evaluation.images, held) for held in splits)
+        return Outcome(
+            score, evaluation.seconds, evaluation.cached, evaluation.failure, evaluation.key, parts
+        )
+
+    def _part(self, images: Sequence[ImageErrors], held: frozenset[int]) -> Part:
+        groups = [[image for n, image in enumerate(images) if (n in held) is out] for out in (False, True)]
+        guiding, rest = (self.score(group) if group else math.nan for group in groups)
+        return Part(guiding, rest)
 
     def _record(self, key: str, description: dict[str, Any], result: Result) -> Evaluation:
         fresh = Evaluation(key, description, result.images, result.failure, result.seconds)
@@ -266,12 +289,26 @@ class CombinedScorer:
                 evaluator.release()
 
     def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
-        scores = [outcome.score for outcome in outcomes]
-        score = max(scores) if self.how == "worst" else math.fsum(scores) / len(scores)
         return Outcome(
-            score,
+            self._score([outcome.score for outcome in outcomes]),
             math.fsum(outcome.seconds for outcome in outcomes),
             all(outcome.cached for outcome in outcomes),
             next((outcome.error for outcome in outcomes if outcome.error), None),
             "+".join(outcome.key for outcome in outcomes),
+            self._parts(outcomes),
         )
+
+    def _parts(self, outcomes: Sequence[Outcome]) -> tuple[Part, ...]:
+        if any(outcome.failed for outcome in outcomes):
+            return ()
+        return tuple(
+            Part(self._score([part.guiding for part in split]), self._score([part.held for part in split]))
+            for split in zip(*(outcome.parts for outcome in outcomes), strict=True)
+        )
+
+    def _score(self, scores: Sequence[float]) -> float:
+        """Mean or worst of the benchmarks that have a score; NaN stands for one without an image there."""
+        known = [score for score in scores if not math.isnan(score)]
+        if not known:
+            return math.nan
+        return max(known) if self.how == "worst" else math.fsum(known) / len(known)

@@ -11,6 +11,21 @@ from sfkit.merging.recipe import Recipe
 
 
 @dataclass(frozen=True)
+class Part:
+    """One evaluation seen through a hold-out split; both scores are of the same forward passes.
+
+    Attributes:
+        guiding: score over the images that may guide a search, in the metric's unit.
+        held: score over the images held out from it.
+
+    Of a benchmark that is combined with others one of the two may be NaN: none of its images is there.
+    """
+
+    guiding: float
+    held: float
+
+
+@dataclass(frozen=True)
 class Outcome:
     """One scored recipe.
 
@@ -21,6 +36,8 @@ class Outcome:
         cached: True where the score came from the evaluation store.
         error: why the candidate failed, None where it did not.
         key: the evaluation's key in the store.
+        parts: the same evaluation by each split of a hold-out scorer; empty without one, and where the
+            candidate failed.
     """
 
     score: float
@@ -28,6 +45,7 @@ class Outcome:
     cached: bool = False
     error: str | None = None
     key: str = ""
+    parts: tuple[Part, ...] = ()
 
     @property
     def failed(self) -> bool:

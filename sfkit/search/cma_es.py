@@ -1,7 +1,8 @@
 """CMA-ES (Hansen 2016, "The CMA Evolution Strategy: A Tutorial"), by pycma, as a function of a seed.
 
 pycma seeds and draws from numpy's global state unless it is given ``randn`` and a ``seed`` of nan; here
-iteration t draws from ``numpy.random.default_rng([seed, 2, t])`` and nothing global is touched.
+iteration t draws from ``numpy.random.default_rng([seed, 2, t])`` and nothing global is touched (island i
+of several: ``[seed, 2, i, t]``).
 """
 
 from __future__ import annotations
@@ -55,7 +56,15 @@ class CmaEs:
     """
 
     def __init__(
-        self, mean: Vector, sigma: float, population: int, seed: int, *, tolfun: float, tolx: float
+        self,
+        mean: Vector,
+        sigma: float,
+        population: int,
+        seed: int,
+        *,
+        tolfun: float,
+        tolx: float,
+        island: int = 0,
     ) -> None:
         """Begin at ``mean`` with C = I.
 
@@ -66,8 +75,9 @@ class CmaEs:
             seed: at least 0.
             tolfun: stop condition, range of recent fitness values.
             tolx: stop condition, standard deviations of x.
+            island: several searches under one seed have a number each, and draw from streams of their own.
         """
-        self._seed = seed
+        self._stream = (seed, _STREAM, island) if island else (seed, _STREAM)
         self._iteration = 0
         self._rng = self._fresh_generator()
         self._asked: list[Vector] = []
@@ -106,7 +116,7 @@ class CmaEs:
         self.stops = tuple(sorted(self._es.stop()))
 
     def _fresh_generator(self) -> np.random.Generator:
-        return np.random.default_rng([self._seed, _STREAM, self._iteration])
+        return np.random.default_rng([*self._stream, self._iteration])
 
     def _read(self) -> Distribution:
         sigma = float(self._es.sigma)

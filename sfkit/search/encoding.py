@@ -91,6 +91,13 @@ class Encoding:
             [scale_of_block[block] for block in self.blocks],
         )
 
+    def distance(self, x: Vector) -> float:
+        """Mean squared entry of x, each row of logits less its mean, which no recipe depends on."""
+        cut = self.rows * len(self.sources)
+        logits = x[:cut].reshape(self.rows, -1)
+        centred = logits - logits.mean(axis=1, keepdims=True)
+        return float((np.sum(centred**2) + np.sum(x[cut:] ** 2)) / self.dimension)
+
     def encode(self, recipe: Recipe, floor: float = 0.01) -> Vector:
         """A vector that decodes to the recipe, up to rounding, or near it where it lies on the boundary.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 if TYPE_CHECKING:
-    from sfkit.search.routing import RoutingCandidate
+    from sfkit.search.routing_records import RoutingCandidate
     from sfkit.search.subset import SubsetCandidate
 
 COMMON = ("candidate", "generation", "subset", "size", "score", "failed", "error")
@@ -48,16 +48,18 @@ def routing_history(
     Columns: ``candidate`` (number of the evaluation, from 0: x = 0), ``generation`` (the iteration of
     CMA-ES; 0 is x = 0 and the start), ``subset``, ``size``, ``score`` (the benchmark's unit; inf where it
     failed), ``failed``, ``error``, ``cached``, ``repeated``, ``seconds``, ``key`` as in Stage 1;
-    ``origin`` ("equal", "start" or "sample"), ``penalty`` (lambda times the mean entropy, eq. 13),
-    ``penalised`` (score + penalty, what the search minimises), ``sigma`` (step size that it was sampled
-    with), ``axis:<i>`` (standard deviations along the principal axes of that distribution, ascending),
+    ``origin`` ("equal", "start", "sample" or "average"), ``penalty`` (lambda times the mean entropy, eq. 13,
+    and the shrinkage), ``fold`` (which split it belongs to; None without a hold-out), ``guiding`` and
+    ``held`` (score on the pairs that guide the search and on those held out; None without), ``penalised``
+    (guiding + penalty, what the search minimises), ``sigma`` (step size that it was sampled with),
+    ``axis:<i>`` (standard deviations along the principal axes of that distribution, ascending),
     ``weight:<block>:<source>`` (routing weights) and ``scale:<block>`` (module scales).
     """
     rows = [_routing_row(candidate) for candidate in candidates]
     axes = [f"axis:{i}" for i in range(dimension)]
     weights = [f"weight:{block}:{source}" for block in blocks for source in sources]
     scales = [f"scale:{block}" for block in blocks]
-    own = ["origin", "penalty", "penalised", "sigma"]
+    own = ["origin", "penalty", "fold", "guiding", "held", "penalised", "sigma"]
     return pd.DataFrame(rows, columns=[*COMMON, *ORIGIN, *own, *axes, *weights, *scales])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,8 @@ from sfkit.search.breeding import SubsetSettings
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
 from sfkit.search.records import Generation
-from sfkit.search.routing import RoutingCandidate, RoutingSearch
+from sfkit.search.routing import RoutingSearch
+from sfkit.search.routing_records import RoutingCandidate
 from sfkit.search.routing_settings import RoutingSettings
 from sfkit.search.subset import SubsetCandidate, SubsetSearch
 
@@ -92,7 +93,9 @@ class Plan:
             first = [*space.required, *space.optional][: space.smallest]
             subset = tuple(pool.names[gene] for gene in sorted(first))
         if self.stage2 is not None:
-            self.routing_search(pool, subset, _nobody)
+            # Nobody knows images, and needs to hold none out to be asked for names and numbers.
+            whole = replace(self, stage2=replace(self.stage2, holdout=0))
+            whole.routing_search(pool, subset, _nobody)
 
 
 def _nobody(recipes: Sequence[Recipe]) -> Sequence[Outcome]:

@@ -1,81 +1,33 @@
 """Stage 2: architecture-adaptive routing by CMA-ES (StereoFactory, Algorithm 2).
 
 How are the chosen sources mixed? CMA-ES moves routing logits and module scales; the equal-weight merge
-that Stage 1 scored is x = 0 and is evaluated first, so that Stage 2 never returns worse than it got.
+that Stage 1 scored is x = 0 and is evaluated first, so that Stage 2 never returns worse than it got, on
+the score it selects by. With a hold-out that is the score on pairs that did not guide CMA-ES.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
 
 from sfkit.errors import InputError
-from sfkit.evaluation.outcome import Scorer
+from sfkit.evaluation.holdout import held_out, splits_of
+from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
-from sfkit.search.base import Search, SearchState
+from sfkit.search.base import Search
 from sfkit.search.checks import distinct_names
 from sfkit.search.cma_es import CmaEs, Distribution, default_population, finite_fitness
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import Encoding, Vector, mean_entropy
 from sfkit.search.history import routing_history
 from sfkit.search.journal import Journal
-from sfkit.search.records import Candidate
+from sfkit.search.routing_records import RoutingCandidate, RoutingState
 from sfkit.search.routing_settings import RoutingSettings
 from sfkit.search.scoring import hear
-
-
-@dataclass(frozen=True, kw_only=True)
-class RoutingCandidate(Candidate):
-    """A vector, its recipe and its penalised score.
-
-    Attributes:
-        x: the vector, n numbers; of a start on the boundary the one nearby that the search begins at.
-        origin: "equal" for x = 0, "start" for the recipe started from, "sample" for a draw.
-        penalty: lambda times the mean entropy of the recipe's weights (eq. 13).
-        sigma: step size of the distribution it was drawn from (the initial one for generation 0).
-        axes: standard deviations along that distribution's principal axes, ascending.
-    """
-
-    x: tuple[float, ...]
-    origin: str
-    penalty: float
-    sigma: float
-    axes: tuple[float, ...]
-
-    @property
-    def fitness(self) -> float:
-        """F(x) = score + penalty (eq. 13), what the search minimises; ``inf`` where the candidate failed."""
-        return self.score + self.penalty
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain values for the history and the journal."""
-        return {
-            **super().as_record(),
-            "origin": self.origin,
-            "penalty": self.penalty,
-            "penalised": self.fitness,
-            "sigma": self.sigma,
-            "weights": self.recipe.weights,
-            "scales": self.recipe.scales,
-        }
-
-
-@dataclass(frozen=True)
-class RoutingState(SearchState[RoutingCandidate]):
-    """State of Stage 2.
-
-    Attributes:
-        distribution: what the last population was drawn from.
-        stops: pycma's stop conditions that hold; none after a population that failed as a whole.
-    """
-
-    distribution: Distribution = field(default=Distribution((), 0.0, ()))
-    stops: tuple[str, ...] = ()
 
 
 class RoutingSearch(Search[RoutingCandidate]):
@@ -83,6 +35,10 @@ class RoutingSearch(Search[RoutingCandidate]):
 
     Generation 0 scores x = 0, and ``start`` where one is given; every further one is an iteration of
     CMA-ES. The optimiser's state is rebuilt from seed and scores whenever a step was interrupted.
+
+    With k folds there are k optimisers that take turns, each guided by all pairs but those of its fold.
+    The last evaluation is that of the mean of what each found best on its own fold: moves that only some
+    of the folds ask for are damped by it.
     """
 
     kind: ClassVar[str] = "routing"
@@ -103,7 +59,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         Args:
             sources: names of the subset's sources, at least two.
             blocks: names of the blocks, in the partition's order.
-            scorer: hears recipes, answers outcomes.
+            scorer: hears recipes, answers outcomes; for a hold-out an evaluator, or several combined.
             settings: budget, step size and the like.
             constraints: frozen blocks, and limits the subset must meet.
             start: a recipe over these sources; it is scored right after x = 0, as it is, and the first
@@ -112,12 +68,13 @@ class RoutingSearch(Search[RoutingCandidate]):
 
         Raises:
             InputError: fewer than two sources, an unknown or repeated name, a subset or a start that
-                breaks the constraints.
+                breaks the constraints, or a hold-out of a scorer that does not know its images.
         """
-        super().__init__(scorer, journal)
+        self.settings = settings or RoutingSettings()
+        super().__init__(held_out(scorer, self.settings.holdout, int(self.settings.seed)), journal)
+        self.folds = splits_of(self._scorer)
         self.sources = distinct_names("sources", sources)
         self.blocks = distinct_names("blocks", blocks)
-        self.settings = settings or RoutingSettings()
         self.constraints = constraints or Constraints()
         if not self.blocks:
             raise InputError("blocks: found none, expected the names of at least one block")
@@ -131,7 +88,7 @@ class RoutingSearch(Search[RoutingCandidate]):
             self.constraints.frozen_blocks,
         )
         self.start = None if start is None else self.encoding.admit(start)
-        self._cma: CmaEs | None = None
+        self._cmas: list[CmaEs] | None = None
         self._state = RoutingState()
 
     @property
@@ -149,7 +106,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         """Why no step is left, None where one is."""
         if len(self._state.candidates) >= self.settings.evaluations:
             return f"the budget of {self.settings.evaluations} evaluations is used up"
-        if self.settings.converge and self._state.stops:
+        if self.settings.converge and self._state.stops and self.folds < 2:
             return f"CMA-ES has converged ({', '.join(self._state.stops)})"
         return None
 
@@ -158,27 +115,58 @@ class RoutingSearch(Search[RoutingCandidate]):
         """One row a candidate; the columns are described at :func:`sfkit.search.history.routing_history`."""
         return routing_history(self._state.candidates, self.sources, self.blocks, self.encoding.dimension)
 
+    @property
+    def best(self) -> RoutingCandidate | None:
+        """The best candidate so far by its criterion, the earlier one of a tie; None where there is none.
+
+        Once the folds' average is scored, it or what the search began with, whichever is better on all
+        validation pairs.
+        """
+        if not any(candidate.origin == "average" for candidate in self.candidates):
+            return super().best
+        whole = [candidate for candidate in self.candidates if candidate.fold is None]
+        return min((c for c in whole if not c.failed), key=lambda c: c.rank, default=None)
+
     def _advance(self) -> None:
         state = self._state
-        cma = self._cma or self._replayed()
+        cmas = self._cmas or self._replayed()
         # Dropped until the step is over: one that is interrupted half-way is rebuilt from the state.
-        self._cma = None
+        self._cmas = None
         generation = state.generation + 1
+        left = int(self.settings.evaluations) - len(state.candidates)
+        turn = self._turn(generation)
+        cma = cmas[turn]
         if generation == 0:
             vectors, origins, recipes = self._first()
+        elif self.folds > 1 and left == 1:
+            vectors, origins = [self._average()], ["average"]
+            recipes = [self.encoding.decode(vectors[0])]
         else:
             vectors = list(cma.ask())
             origins = ["sample"] * len(vectors)
             recipes = [self.encoding.decode(x) for x in vectors]
-        left = int(self.settings.evaluations) - len(state.candidates)
+            left -= self.folds > 1  # the last one is the average's
         fresh = self._scored(vectors[:left], origins[:left], recipes[:left], cma.distribution, generation)
         candidates = (*state.candidates, *fresh)
-        if generation > 0 and len(fresh) == len(vectors):
+        if origins[0] == "sample" and len(fresh) == len(vectors):
             cma.tell(_values(fresh, candidates))
         # Values made up for failures can look like convergence, which must not end the run.
         stops = () if all(candidate.failed for candidate in fresh) else cma.stops
         self._state = RoutingState(generation, candidates, cma.distribution, stops)
-        self._cma = cma
+        self._cmas = cmas
+
+    def _turn(self, generation: int) -> int:
+        """Whose turn it is among the folds' optimisers; there is one without folds."""
+        return max(generation - 1, 0) % max(self.folds, 1)
+
+    def _average(self) -> Vector:
+        """The mean of the folds' best vectors; a fold that found nothing better gives x = 0."""
+        equal = self.candidates[0]
+        winners = []
+        for fold in range(self.folds):
+            found = [c for c in self.candidates if c.fold == fold and not c.failed]
+            winners.append(np.array(min([equal, *found], key=lambda c: c.rank).x))
+        return np.asarray(np.mean(winners, axis=0))
 
     def _first(self) -> tuple[list[Vector], list[str], list[Recipe]]:
         zero = np.zeros(self.encoding.dimension)
@@ -192,22 +180,27 @@ class RoutingSearch(Search[RoutingCandidate]):
             return np.zeros(self.encoding.dimension)
         return self.encoding.encode(self.start, float(self.settings.floor))
 
-    def _replayed(self) -> CmaEs:
-        """The optimiser after the state's generations, from the seed and the scores alone."""
+    def _replayed(self) -> list[CmaEs]:
+        """The optimisers after the state's generations, from the seed and the scores alone."""
         settings, state = self.settings, self._state
-        cma = CmaEs(
-            self._mean(),
-            float(settings.sigma),
-            self.population,
-            int(settings.seed),
-            tolfun=float(settings.tolfun),
-            tolx=float(settings.tolx),
-        )
+        cmas = [
+            CmaEs(
+                self._mean(),
+                float(settings.sigma),
+                self.population,
+                int(settings.seed),
+                tolfun=float(settings.tolfun),
+                tolx=float(settings.tolx),
+                island=island,
+            )
+            for island in range(max(self.folds, 1))
+        ]
         for generation in range(1, state.generation + 1):
             told = [candidate for candidate in state.candidates if candidate.generation == generation]
+            cma = cmas[self._turn(generation)]
             cma.ask()
             cma.tell(_values(told, state.candidates[: told[-1].number + 1]))
-        return cma
+        return cmas
 
     def _scored(
         self,
@@ -219,6 +212,8 @@ class RoutingSearch(Search[RoutingCandidate]):
     ) -> tuple[RoutingCandidate, ...]:
         past = self._state.candidates
         heard = hear(past, recipes, self._scorer)
+        zero = past[0].outcome if past else heard[0].outcome
+        turn = self._turn(generation)
         return tuple(
             RoutingCandidate(
                 number=len(past) + i,
@@ -228,14 +223,21 @@ class RoutingSearch(Search[RoutingCandidate]):
                 repeated=answer.repeated,
                 x=tuple(float(entry) for entry in x),
                 origin=origin,
-                penalty=float(self.settings.entropy) * mean_entropy(recipe),
+                penalty=self._penalty(x, recipe, zero),
                 sigma=distribution.sigma,
                 axes=distribution.axes,
+                fold=turn if self.folds == 1 or (self.folds and origin == "sample") else None,
+                reference=zero.parts[turn].held - zero.score if self.folds > 1 and zero.parts else 0.0,
             )
             for i, (x, origin, recipe, answer) in enumerate(
                 zip(vectors, origins, recipes, heard, strict=True)
             )
         )
+
+    def _penalty(self, x: Vector, recipe: Recipe, zero: Outcome) -> float:
+        entropy = float(self.settings.entropy) * mean_entropy(recipe)
+        at_zero = 0.0 if zero.failed or not math.isfinite(zero.score) else zero.score
+        return entropy + float(self.settings.shrinkage) * at_zero * self.encoding.distance(x)
 
     def _description(self) -> dict[str, Any]:
         return {
@@ -246,6 +248,7 @@ class RoutingSearch(Search[RoutingCandidate]):
             "start": None if self.start is None else self.start.as_dict(),
             "dimension": self.encoding.dimension,
             "population": self.population,
+            "folds": self.folds,
         }
 
     def _details(self) -> dict[str, Any]:

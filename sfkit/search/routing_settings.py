@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.checks import require_between, require_positive, require_whole
 from sfkit.search.cma_es import SMALLEST_POPULATION
 from sfkit.search.encoding import check_gamma
@@ -26,6 +27,11 @@ class RoutingSettings:
         scaled: False fixes all module scales at 1.
         entropy: lambda, at least 0: the weight of the mean entropy added to the score (eq. 13), in the
             score's unit a nat.
+        holdout: validation pairs held out from CMA-ES, by whose score the best is chosen: a share in
+            (0, 1), or a whole number of folds of at least 2; 0, the paper's form, holds out none. Fewer than
+            four pairs are not split, which a warning says. Evaluations and their keys are the same with it.
+        shrinkage: at least 0: what a recipe must gain, in shares of the score of x = 0, for each unit of
+            its mean squared distance from x = 0, Stage 1's equal weights.
         converge: True ends the search as soon as one of pycma's stop conditions holds (tolfun, tolx,
             tolfunhist, tolstagnation, tolflatfitness, ...), False uses up the budget.
         tolfun: stop condition, range of recent fitness values, in the score's unit.
@@ -45,6 +51,8 @@ class RoutingSettings:
     tied: bool = True
     scaled: bool = True
     entropy: float = 0.0
+    holdout: float = 0.0
+    shrinkage: float = 0.0
     converge: bool = True
     tolfun: float = 1e-11
     tolx: float = 1e-11
@@ -58,6 +66,8 @@ class RoutingSettings:
         require_positive("sigma", self.sigma)
         check_gamma(self.gamma)
         require_between("entropy", self.entropy, 0.0)
+        check_holdout(self.holdout)
+        require_between("shrinkage", self.shrinkage, 0.0)
         require_between("tolfun", self.tolfun, 0.0)
         require_between("tolx", self.tolx, 0.0)
         require_between("floor", self.floor, 1e-12, 0.499)

@@ -1,0 +1,93 @@
+"""The comparisons on the embedded bank: guards at several numbers of validation pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+import sfkit
+from sfkit.analysis.generalisation import Trial, run_trials
+from sfkit.bank import VALIDATION, benchmark, benchmarks
+from sfkit.bank.rendered import RenderedPair
+from sfkit.datasets import Benchmark
+from sfkit.merging import Pool
+
+EVALUATIONS = 80
+POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
+UNSEEN_PAIRS = 20
+MARKS = (20, 40)
+SEEDS = {2: 4, 5: 4, 10: 3, 20: 2, 40: 1}
+"""Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
+
+
+def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
+    """Name -> comparison; the first seed of the small ones first."""
+    order = sorted(
+        (seed * 40 + pairs * (1 + seed), pairs, seed) for pairs, n in SEEDS.items() for seed in range(n)
+    )
+    return {f"guards-{pairs:02d}-{seed}": partial(guards, pairs, seed) for _, pairs, seed in order}
+
+
+def trials(pairs: int) -> list[Trial]:
+    """The ways to run Stage 2 with so many validation pairs."""
+
+    def settings(**guard: float) -> sfkit.RoutingSettings:
+        return sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, **guard)
+
+    found = [Trial("plain", settings()), Trial("plain, x / 2", settings(), shorten=0.5)]
+    found.append(Trial("shrinkage 0.05", settings(shrinkage=0.05)))
+    if pairs >= 4:
+        found.append(Trial("hold-out 1/2", settings(holdout=0.5)))
+    if 4 <= pairs <= 10:
+        found += [Trial("4 folds", settings(holdout=4)), Trial("entropy 0.5", settings(entropy=0.5))]
+    return found
+
+
+def guards(pairs: int, seed: int, folder: Path) -> pd.DataFrame:
+    """Both stages guided by ``pairs`` pairs of the validation world, drawn by the seed."""
+    pool = opened()
+    order = np.random.default_rng([seed, 7]).permutation(40)
+    ids = [f"{VALIDATION}-{index:02d}" for index in sorted(order[:pairs])]
+    chosen = benchmark(VALIDATION).select(ids)
+    with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
+        scorer = sfkit.Evaluator(pool, chosen, store=store)
+        stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
+        subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
+        judges = {name: unseen.with_store(store) for name, unseen in unseen_evaluators().items()}
+        table = run_trials(
+            trials(pairs), pool.subset(subset), pool.blocks, scorer, judges, seeds=(seed,), marks=MARKS
+        )
+    table.insert(0, "pairs", pairs)
+    table["subset"] = "+".join(subset)
+    return table
+
+
+@lru_cache
+def opened() -> Pool:
+    """The bank."""
+    return sfkit.open_pool("bank")
+
+
+@lru_cache
+def unseen_evaluators() -> dict[str, sfkit.Evaluator]:
+    """New pairs of the validation world, under its name, then the other worlds'."""
+    names = [name for name in benchmarks() if name != VALIDATION]
+    judged = {VALIDATION: new_pairs(), **{name: benchmark(name).first(UNSEEN_PAIRS) for name in names}}
+    return {name: sfkit.Evaluator(opened(), judge) for name, judge in judged.items()}
+
+
+def new_pairs() -> Benchmark:
+    """Pairs of the validation world beyond the 40 of its benchmark."""
+    known = benchmark(VALIDATION)
+    pairs = tuple(RenderedPair(VALIDATION, len(known) + n) for n in range(UNSEEN_PAIRS))
+    return Benchmark(
+        name=f"{VALIDATION}-new",
+        family=known.family,
+        pairs=pairs,
+        protocol=known.protocol,
+        metric=known.metric,
+    )
