@@ -30,6 +30,9 @@ from sfkit.search.routing_settings import RoutingSettings
 from sfkit.search.scoring import hear
 
 
+__all__ = ["RoutingCandidate", "RoutingSearch", "RoutingState"]
+
+
 class RoutingSearch(Search[RoutingCandidate]):
     """Stage 2 over the sources of a subset; see :class:`RoutingSettings` for the defaults.
 
