@@ -29,7 +29,6 @@ from sfkit.search.routing_records import RoutingCandidate, RoutingState
 from sfkit.search.routing_settings import RoutingSettings
 from sfkit.search.scoring import hear
 
-
 __all__ = ["RoutingCandidate", "RoutingSearch", "RoutingState"]
 
 
