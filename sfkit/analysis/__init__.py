@@ -9,7 +9,7 @@ from sfkit.analysis.ablations import (
 )
 from sfkit.analysis.bootstrap import Difference, Resampling, Spread, paired_difference, seed_spread
 from sfkit.analysis.comparisons import ComparedColumn, ComparedNetwork, NetworkComparison, compare_networks
-from sfkit.analysis.costs import StageCost, cost_table, stage_costs
+from sfkit.analysis.costs import MethodCost, StageCost, cost_table, method_cost, overhead_table, stage_costs
 from sfkit.analysis.differences import (
     Advantage,
     AdvantagePanels,
@@ -22,56 +22,90 @@ from sfkit.analysis.differences import (
 from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_panels
 from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.export import export_table
+from sfkit.analysis.features import BlockOutputs, block_modules
+from sfkit.analysis.geometry import TaskVectorGeometry, task_vector_geometry
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
+from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
+from sfkit.analysis.marking import latex_table, markdown_table, ranks, source_table, styled
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
+from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
+from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
+from sfkit.analysis.selection import SelectionStatistics, selection_statistics
+from sfkit.analysis.similarity import DataSimilarity, data_similarity, similarity_recipes
 
 __all__ = [
     "Advantage",
     "AdvantagePanels",
     "Answer",
+    "BlockOutputs",
+    "BlockProbes",
     "ComparedColumn",
     "ComparedNetwork",
     "Comparison",
+    "DataSimilarity",
     "Difference",
     "DisparityPanels",
     "Experiment",
+    "InterpolationCurve",
     "Measured",
+    "MethodCost",
     "NetworkComparison",
     "OutlierRegion",
     "PopulationHistory",
     "PopulationSizes",
+    "RegionScores",
     "Resampling",
     "RoutingTrace",
     "ScoreGrid",
+    "SelectionStatistics",
     "Spread",
     "StageCost",
+    "TaskVectorGeometry",
     "advantage",
     "advantage_panels",
     "advantage_table",
+    "block_modules",
+    "block_probes",
     "compare_networks",
     "contenders",
     "cost_table",
+    "data_similarity",
     "disparity_panels",
     "export_table",
     "fitness_metrics",
     "growth",
+    "interpolated",
+    "interpolation_curves",
+    "latex_table",
+    "markdown_table",
     "measure_recipes",
     "measure_with",
+    "method_cost",
     "outlier_regions",
     "over_seeds",
+    "overhead_table",
     "overlap",
     "paired_difference",
     "population_history",
     "population_sizes",
+    "probe_recipes",
+    "ranks",
+    "region_scores",
     "routing_trace",
     "score_grid",
     "seed_spread",
+    "selection_statistics",
+    "similarity_recipes",
+    "source_table",
     "stage_costs",
     "stage_variants",
+    "styled",
     "subset_transfer",
+    "task_vector_geometry",
+    "textureless_mask",
     "validation_sets",
     "watched_population",
     "watched_routing",

@@ -87,3 +87,73 @@ def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
         for cost in (*costs, total)
     ]
     return pd.DataFrame(rows).set_index("stage")
+
+
+@dataclass(frozen=True)
+class MethodCost:
+    """What a whole method costs from nothing, whatever a store held.
+
+    Attributes:
+        method: its name.
+        evaluations: distinct recipes it had scored.
+        image_passes: forward passes over one pair each.
+        seconds: their time, that of evaluations from the store as it was when they were computed.
+    """
+
+    method: str
+    evaluations: int
+    image_passes: int
+    seconds: float
+
+
+def method_cost(method: str, counts: Counts | Sequence[Counts], images: int) -> MethodCost:
+    """The cost of a method from the counts of its searches.
+
+    Args:
+        method: its name.
+        counts: of one search, or of several that are its stages.
+        images: pairs a recipe is scored on.
+
+    Raises:
+        InputError: fewer than one image.
+    """
+    if images < 1:
+        raise InputError(f"cost: found {images} images, expected at least one")
+    stages = (counts,) if isinstance(counts, Counts) else tuple(counts)
+    evaluations = sum(stage.distinct for stage in stages)
+    seconds = math.fsum(stage.seconds + stage.seconds_saved for stage in stages)
+    return MethodCost(method, evaluations, evaluations * images, seconds)
+
+
+def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -> pd.DataFrame:
+    """What methods cost beside the fine-tuning of their sources, as in the paper's table of costs.
+
+    The paper divides by the time of joint retraining; what is known here is the time of the trainings the
+    pool is made of, so that the column says so.
+
+    Args:
+        costs: from :func:`method_cost`.
+        training: source -> seconds its fine-tuning took, such as ``sfkit.bank.training_seconds()``; on the
+            same kind of machine as the methods' seconds, or the overhead means nothing.
+
+    Raises:
+        InputError: no training, or one without a positive time.
+    """
+    if not training or any(not seconds > 0.0 for seconds in training.values()):
+        raise InputError(
+            f"cost: found the trainings {dict(training)}, expected positive seconds for each source"
+        )
+    total = math.fsum(training.values())
+    rows = [{"method": "fine-tuning the sources", "seconds": total}] + [
+        {
+            "method": cost.method,
+            "evaluations": cost.evaluations,
+            "image passes": cost.image_passes,
+            "seconds": cost.seconds,
+            "overhead [%]": 100.0 * cost.seconds / total,
+        }
+        for cost in costs
+    ]
+    columns = ["method", "evaluations", "image passes", "seconds", "overhead [%]"]
+    table = pd.DataFrame(rows, columns=columns).set_index("method")
+    return table.astype({"evaluations": "Int64", "image passes": "Int64"})

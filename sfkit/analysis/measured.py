@@ -60,6 +60,15 @@ class Measured:
         return tuple(self.images)
 
     @property
+    def unit(self) -> str:
+        """Of the metric: ``%`` or ``px``."""
+        return self.unit_of(None)
+
+    def unit_of(self, metric: str | None) -> str:
+        """Of a metric, the benchmark's own unless given; raises InputError for one that is unknown."""
+        return Metric.parse(metric or self.metric).unit
+
+    @property
     def ids(self) -> tuple[str, ...]:
         """The images' ids; none where every network failed."""
         return next((tuple(image.id for image in errors) for errors in self.images.values() if errors), ())

@@ -5,14 +5,25 @@
 Everything comes from seeds: ``sfkit bank build`` makes it again (see :mod:`sfkit.bank.build`).
 """
 
+import json
 from pathlib import Path
 
 from sfkit.bank.build import build
 from sfkit.bank.plan import BANK, bank_plan, banks
 from sfkit.bank.rendered import benchmark, benchmarks, held_out
-from sfkit.datasets.synthetic.domains import VALIDATION, domains
+from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
 
-__all__ = ["VALIDATION", "banks", "benchmark", "benchmarks", "build", "domains", "held_out", "pool_path"]
+__all__ = [
+    "VALIDATION",
+    "banks",
+    "benchmark",
+    "benchmarks",
+    "build",
+    "domains",
+    "held_out",
+    "pool_path",
+    "training_seconds",
+]
 
 
 def pool_path(name: str = BANK.name) -> Path:
@@ -22,3 +33,13 @@ def pool_path(name: str = BANK.name) -> Path:
         InputError: no bank of that name.
     """
     return Path(__file__).parent / bank_plan(name).folder / "pool.toml"
+
+
+def training_seconds(name: str = BANK.name) -> dict[str, float]:
+    """Source -> CPU seconds of the one thread that fine-tuned it, as recorded when the bank was built.
+
+    Raises:
+        InputError: no bank of that name.
+    """
+    records = json.loads((pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
+    return {source: float(r["cpu_seconds"]) for source, r in records.items() if source != BASE.name}

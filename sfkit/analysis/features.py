@@ -1,0 +1,107 @@
+"""What a block of any network puts out: hooks on the modules that the block partition names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from sfkit.errors import InputError, unknown_name
+from sfkit.merging.blocks import BlockPartition
+
+Values = NDArray[np.float64]
+
+
+def block_modules(network: nn.Module, partition: BlockPartition, block: str) -> dict[str, nn.Module]:
+    """The outermost modules with a forward pass all of whose tensors lie in one block, by name.
+
+    Raises:
+        InputError: no such block, or no module lies in it as a whole.
+    """
+    if block not in partition.names:
+        raise unknown_name("block", block, partition.names)
+    number = partition.names.index(block)
+    found = dict(_outermost(network, "", partition, number))
+    if not found:
+        raise InputError(
+            f"block {block!r}: found no module that lies in it as a whole, expected patterns over modules"
+        )
+    return found
+
+
+def _outermost(
+    module: nn.Module, prefix: str, partition: BlockPartition, block: int
+) -> Iterator[tuple[str, nn.Module]]:
+    inside = [partition.block_of(prefix + key) == block for key in module.state_dict()]
+    # Containers such as ModuleList hold modules and are never called themselves.
+    callable_ = type(module).forward is not nn.Module.forward
+    if inside and all(inside) and callable_:
+        yield prefix.removesuffix("."), module
+    elif any(inside):
+        for name, child in module.named_children():
+            yield from _outermost(child, f"{prefix}{name}.", partition, block)
+
+
+class BlockOutputs:
+    """Listens to modules while a network runs, and keeps their outputs' moments; a context manager.
+
+    Tensors of shape (N, C, H, W) have their channels in the second place, (N, L, C) in the last. A module
+    that runs several times, such as once a view, counts each time alike.
+    """
+
+    def __init__(self, modules: Mapping[str, nn.Module]) -> None:
+        self._modules = dict(modules)
+        self._heard: dict[tuple[str, int, int], list[tuple[Values, Values]]] = {}
+        self._handles: list[torch.utils.hooks.RemovableHandle] = []
+
+    def __enter__(self) -> BlockOutputs:
+        for name, module in self._modules.items():
+            self._handles.append(module.register_forward_hook(self._listener(name)))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for handle in self._handles:
+            handle.remove()
+        self._handles.clear()
+
+    def moments(self) -> tuple[Values, Values]:
+        """Means of all channels, and of their squares, (C,) each, over positions and calls.
+
+        Raises:
+            InputError: no module put out a tensor.
+        """
+        if not self._heard:
+            raise InputError(
+                f"features: found no output of {', '.join(self._modules)}, expected modules that the network "
+                "calls: choose another block"
+            )
+        calls = [np.mean(self._heard[key], axis=0) for key in sorted(self._heard)]
+        mean, square = np.concatenate(calls, axis=1)
+        return mean, square
+
+    def _listener(self, name: str) -> Any:
+        def listen(_module: nn.Module, _inputs: Any, output: Any) -> None:
+            for number, tensor in enumerate(_tensors(output)):
+                channels = tensor.shape[1] if tensor.ndim == 4 else tensor.shape[-1]
+                last = tensor.movedim(1, -1) if tensor.ndim == 4 else tensor
+                rows = last.reshape(-1, channels).double().cpu().numpy()
+                moments = rows.mean(axis=0), np.square(rows).mean(axis=0)
+                self._heard.setdefault((name, number, channels), []).append(moments)
+
+        return listen
+
+
+def _tensors(output: Any) -> Iterator[torch.Tensor]:
+    if isinstance(output, torch.Tensor):
+        if output.is_floating_point() and output.ndim >= 3:
+            yield output
+    elif isinstance(output, Mapping):
+        for value in output.values():
+            yield from _tensors(value)
+    elif isinstance(output, list | tuple):
+        for value in output:
+            yield from _tensors(value)
