@@ -36,7 +36,9 @@ def frame_pictures(figure: go.Figure, size: tuple[int, int]) -> None:
     bare = {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
     figure.update_xaxes(range=[0, width], constrain="domain", **bare)
     figure.update_yaxes(range=[height, 0], constrain="domain", **bare)
-    figure.update_yaxes(scaleanchor="x", scaleratio=1, row=1, col=1)
+    for axis in figure.select_yaxes():
+        if axis.matches is None:  # plotly ignores, and warns of, a scale on axes that follow another
+            axis.update(scaleanchor=axis.anchor, scaleratio=1)
     figure.update_annotations(font_size=12)
 
 

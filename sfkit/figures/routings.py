@@ -51,6 +51,7 @@ def routing_figure(
     figure.update_yaxes(range=[-0.02, 1.02], col=2)
     figure.update_yaxes(title_text="weight (fraction)", row=(rows + 1) // 2, col=2)
     figure.update_xaxes(matches="x2", showticklabels=False, col=2)
+    figure.update_xaxes(matches=None, row=1, col=2)  # plotly warns of an axis that is to match itself
     figure.update_xaxes(title_text=EVALUATION, showticklabels=True, row=rows, col=2)
     figure.update_annotations(font_size=12)
     return finish(

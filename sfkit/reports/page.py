@@ -19,8 +19,9 @@ from papermill.execute import ERROR_MARKER_TAG
 from plotly.offline import get_plotlyjs
 from pygments.formatters import HtmlFormatter
 
+from sfkit.reports.widgets import VIEW_MIME, SavedWidgets
+
 PLOTLY_MIME = "application/vnd.plotly.v1+json"
-WIDGET_MIME = "application/vnd.jupyter.widget-view+json"
 
 # Whatever a notebook puts in, the page asks no one for anything. plotly draws some traces with code it
 # compiles on the spot, hence unsafe-eval.
@@ -90,7 +91,8 @@ def render_page(notebook: NotebookNode, run: Run) -> str:
     """The whole page as text.
 
     Code is hidden until the reader asks for it, but for the cell that failed. Figures stay plotly figures,
-    drawn by one copy of plotly.js inside the page (about 5 MB, left out where there is no figure).
+    drawn by one copy of plotly.js inside the page (about 5 MB, left out where there is no figure). Widgets
+    show their last state.
     """
     shown = copy.deepcopy(notebook)
     shown.cells = [cell for cell in shown.cells if ERROR_MARKER_TAG not in cell.metadata.get("tags", [])]
@@ -98,7 +100,9 @@ def render_page(notebook: NotebookNode, run: Run) -> str:
     if failed is not None:
         failed.metadata["tags"] = [*failed.metadata.get("tags", []), "failed"]
     outputs = [output for cell in shown.cells for output in cell.get("outputs", [])]
-    figures = [_as_markup(output.data) for output in outputs if "data" in output]
+    widgets = SavedWidgets(shown)
+    figures = [_as_markup(output.data, widgets) for output in outputs if "data" in output]
+    shown.metadata.pop("widgets", None)
     body, _ = _exporter().from_notebook_node(shown)
     files = resources.files("sfkit.reports")
     script = files.joinpath("page.js").read_text(encoding="utf-8")
@@ -109,7 +113,7 @@ def render_page(notebook: NotebookNode, run: Run) -> str:
         style=_code_style() + files.joinpath("page.css").read_text(encoding="utf-8"),
         summary=_summary(run, failed),
         body=body,
-        drawing=drawing,
+        drawing=drawing + widgets.script(),
     )
 
 
@@ -121,7 +125,7 @@ def _exporter() -> HTMLExporter:
     return exporter
 
 
-def _as_markup(data: NotebookNode) -> bool:
+def _as_markup(data: NotebookNode, widgets: SavedWidgets) -> bool:
     """Replace what only a running Jupyter can show; True where the output is a figure."""
     if PLOTLY_MIME in data:
         figure = {
@@ -135,8 +139,12 @@ def _as_markup(data: NotebookNode) -> bool:
             '<div class="plot"></div></div>'
         )
         return True
-    if len(data) > 1:
-        data.pop(WIDGET_MIME, None)
+    if VIEW_MIME in data:
+        if markup := widgets.markup(data[VIEW_MIME]):
+            data.clear()
+            data["text/html"] = markup
+        elif len(data) > 1:
+            data.pop(VIEW_MIME)
     return False
 
 

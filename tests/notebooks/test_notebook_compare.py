@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import nbformat
 import pandas as pd
 import pytest
 from nbformat import NotebookNode
+from report_page import opened
 
 from sfkit.reports import report
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "04_compare_disparities.ipynb"
 STATE = "application/vnd.jupyter.widget-state+json"
@@ -66,3 +70,13 @@ def test_both_figures_were_drawn_and_nothing_complained(executed: NotebookNode) 
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
     assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 2
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
+
+
+@pytest.mark.browser
+def test_the_report_shows_both_views_without_a_kernel(browser: Browser, folder: Path) -> None:
+    with opened(browser, folder / "report.html") as page:
+        views = page.locator(".sfkit[data-pair='courtyard-01']")
+        assert views.count() == 2
+        assert views.locator("canvas").count() == 6
+        views.nth(1).get_by_role("button", name="side by side").click()
+        views.nth(1).locator("canvas").nth(4).wait_for()

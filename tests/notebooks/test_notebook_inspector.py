@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import nbformat
 import pandas as pd
 import pytest
 from nbformat import NotebookNode
+from report_page import opened
 
 import sfkit
 from sfkit.evaluation.hand_edits import seen_by_hand
 from sfkit.reports import report
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "03_routing_inspector.ipynb"
 SMALL = {"benchmark_pairs": 2, "evaluations": 12}
@@ -74,3 +79,14 @@ def test_the_saved_widget_shows_the_last_state(executed: NotebookNode, folder: P
 def test_nothing_complained(executed: NotebookNode) -> None:
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
+
+
+@pytest.mark.browser
+def test_the_report_shows_the_widget_without_a_kernel(browser: Browser, folder: Path) -> None:
+    saved = sfkit.read_recipe(folder / "edited.safetensors")
+    with opened(browser, folder / "report.html") as page:
+        root = page.locator(".sfkit-inspector")
+        weights = [float(text) for text in root.locator("[role=gridcell]").all_inner_texts()]
+        assert weights == pytest.approx([w for row in saved.weights for w in row], abs=0.00501)
+        drawn = "[...document.querySelectorAll('.sfkit figure img')].filter((i) => i.naturalWidth > 100)"
+        page.wait_for_function(f"() => {drawn}.length === 4")

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import nbformat
 import pytest
 from nbformat import NotebookNode
+from report_page import opened
 
 from sfkit.reports import report
 from sfkit.search.runs import read_run
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "02_watch_a_search.ipynb"
 SMALL = {"benchmark_pairs": 2, "population": 6, "generations": 2, "evaluations": 12, "seed": 1}
@@ -74,3 +78,14 @@ def test_nothing_complained(executed: NotebookNode) -> None:
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
     printed = "".join(output.text for output in outputs if output.get("name") == "stdout")
     assert f"finished: {STAGE_1:.2f} with" in printed
+
+
+@pytest.mark.browser
+def test_the_report_shows_the_widgets_without_a_kernel(browser: Browser, folder: Path) -> None:
+    with opened(browser, folder / "report.html") as page:
+        assert page.locator(".widget").count() == 8
+        assert page.locator(".sfkit-control-phase").all_inner_texts() == ["finished"] * 4
+        population = page.locator(".sfkit-population").first
+        population.locator("[role=grid] [role=row]").first.hover()
+        assert population.get_by_text("candidate", exact=True).count() == 1
+        assert page.locator(".sfkit-routing .sfkit-routing-heat").count() == 2

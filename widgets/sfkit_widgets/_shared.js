@@ -139,7 +139,7 @@ export class Commands {
     this.timer = window.setTimeout(() => {
       this.waiting.hidden = false;
       this.waiting.textContent =
-        "Waiting for the kernel. If this notebook was reopened, run the cell that makes this widget.";
+        "Waiting for Python. On a saved page nobody answers: open the notebook, and run the cell that makes this widget.";
     }, WAITING_AFTER);
   }
 }
