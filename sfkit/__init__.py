@@ -32,7 +32,9 @@ from sfkit.evaluation import (
 )
 from sfkit.merging import LiveModel, Pool, Recipe, routed
 from sfkit.merging.network import load_network
+from sfkit.merging.preparation import prepare, prepared_for
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
+from sfkit.merging.steps import Drop, Elect, FisherMean, Mean, Trim
 from sfkit.places import open_benchmark, open_benchmarks, open_pool
 from sfkit.search import (
     Constraints,
@@ -51,15 +53,19 @@ __all__ = [
     "Benchmark",
     "CombinedScorer",
     "Constraints",
+    "Drop",
+    "Elect",
     "Estimate",
     "EvaluationStore",
     "Evaluator",
     "FileForm",
+    "FisherMean",
     "InputConvention",
     "InputError",
     "Journal",
     "LiveModel",
     "LiveSearch",
+    "Mean",
     "Outcome",
     "PadSides",
     "Pool",
@@ -71,6 +77,7 @@ __all__ = [
     "StoreError",
     "SubsetSearch",
     "SubsetSettings",
+    "Trim",
     "baselines",
     "check_data",
     "estimate",
@@ -79,6 +86,8 @@ __all__ = [
     "open_benchmarks",
     "open_pool",
     "pivot",
+    "prepare",
+    "prepared_for",
     "read_checkpoint",
     "read_origin",
     "read_recipe",

@@ -14,6 +14,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.saving import Origin, read_origin
+from sfkit.merging.steps import describe
 
 STORE_SUFFIXES = (".sqlite", ".db")
 
@@ -100,7 +101,8 @@ def recipe_lines(recipe: Recipe) -> list[str]:
     if not recipe.sources:
         return ["  recipe: the base itself"]
     width = max(len(block) for block in recipe.blocks)
-    lines = [f"  recipe over {', '.join(recipe.sources)}:"]
+    prepared = [f"  task vectors: {describe(recipe.preparation)}"] if recipe.preparation else []
+    lines = [*prepared, f"  recipe over {', '.join(recipe.sources)}:"]
     for block, row, scale in zip(recipe.blocks, recipe.weights, recipe.scales, strict=True):
         weights = " ".join(f"{weight:.3f}" for weight in row)
         lines.append(f"    {block:<{width}}  weights {weights}  scale {scale:.3f}")

@@ -42,6 +42,8 @@ from sfkit.evaluation import Evaluator
 from sfkit.evaluation.engines import check_engine
 from sfkit.evaluation.table import score_table, write_table
 from sfkit.merging import Pool, Recipe
+from sfkit.merging.preparation import prepared_for
+from sfkit.merging.steps import Step
 
 
 def evaluate(
@@ -99,12 +101,30 @@ def evaluate(
     evaluator = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
     with store_of(store) as kept, evaluator.with_store(kept) as scorer:
         say(f"engine: {scorer.engine.describe()}")
-        scores = score_table([scorer], recipes, progress=_progress)
+        scores = _scores(scorer, recipes)
     if out is not None:
         write_table(scores, out)
     emit(_document(opened, evaluator, scores), _text(evaluator, scores), as_json=json)
     if scores["failure"].notna().all():
         raise typer.Exit(1)
+
+
+def _scores(scorer: Evaluator, recipes: Mapping[str, Recipe]) -> pd.DataFrame:
+    """The table of all recipes; each preparation of task vectors has a pool and an evaluator of its own."""
+    groups: dict[tuple[Step, ...], dict[str, Recipe]] = {}
+    for name, recipe in recipes.items():
+        groups.setdefault(recipe.preparation, {})[name] = recipe
+    return pd.concat(
+        [
+            score_table(
+                [scorer.with_pool(prepared_for(scorer.pool, next(iter(group.values()))))],
+                group,
+                progress=_progress,
+            )
+            for group in groups.values()
+        ],
+        ignore_index=True,
+    )
 
 
 def _members(pool: Pool) -> dict[str, Recipe]:

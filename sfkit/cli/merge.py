@@ -20,6 +20,7 @@ from sfkit.cli.options import (
     pool_of,
 )
 from sfkit.errors import InputError
+from sfkit.merging.preparation import prepared_for
 from sfkit.merging.saving import read_origin, save_merged
 
 
@@ -57,7 +58,7 @@ def merge(
             raise InputError(f"--out: {out} is the pool's own {member.name!r}, give another name")
     (choose,) = asked.values()
     chosen = choose(opened)
-    written = save_merged(opened, chosen, out, form=form, overwrite=force)
+    written = save_merged(prepared_for(opened, chosen), chosen, out, form=form, overwrite=force)
     origin = read_origin(written)
     licences = origin.licences if origin else {}
     document = {"file": written, "recipe": chosen.as_dict(), "licences": licences}

@@ -167,7 +167,8 @@ def _known(pool: Pool, weights: dict[str, float]) -> dict[str, float]:
 
 
 def _checked(pool: Pool, recipe: Recipe) -> Recipe:
-    pool.check_recipe(recipe)
+    if not recipe.preparation:  # else it is checked against the pool its steps make
+        pool.check_recipe(recipe)
     return recipe
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from sfkit.merging.live import LiveModel
 from sfkit.merging.opening import Checked, PoolOpener, assemble
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.skeleton import skeleton
+from sfkit.merging.steps import Step, describe
 
 
 class Pool:
@@ -40,6 +42,8 @@ class Pool:
         base_flat: (P,) float32, the base's values in that layout.
         vectors: source name -> task vector (P,) float32; do not write to them.
         base_tensors: key -> the base's tensors as read, of which most may be unchanged by any source.
+        preparation: what was done to the task vectors after reading; empty for a pool as it was read.
+        origins: source name -> the members that source was made from: itself, where it was read.
         warnings: one sentence each, for what is allowed and probably not meant.
     """
 
@@ -53,6 +57,9 @@ class Pool:
         base: tuple[Checked, Mapping[str, torch.Tensor]],
         parts: tuple[FlatLayout, torch.Tensor, dict[str, torch.Tensor]],
         sources: Sequence[Checked],
+        *,
+        preparation: Sequence[Step] = (),
+        origins: Mapping[str, tuple[Checked, ...]] | None = None,
     ) -> None:
         self.name = spec.name
         self.spec = spec
@@ -63,6 +70,8 @@ class Pool:
         self.base, self.base_tensors = base
         self.sources = tuple(sources)
         self.layout, self.base_flat, self.vectors = parts
+        self.preparation = tuple(preparation)
+        self.origins = dict(origins or {source.name: (source,) for source in self.sources})
         self.identity = {source.name: source.fingerprint for source in self.sources}
         self.warnings = tuple(_doubts(self))
 
@@ -136,20 +145,36 @@ class Pool:
             recipe.blocks,
             tuple(tuple(row[e] for e in order) for row in recipe.weights),
             recipe.scales,
+            recipe.preparation,
         )
 
     def check_recipe(self, recipe: Recipe) -> None:
         """Refuse a recipe that was made for another pool or partition.
 
         Raises:
-            InputError: its sources or blocks are not the pool's.
+            InputError: its sources or blocks are not the pool's, or its task vectors were prepared otherwise.
         """
+        if recipe.preparation and recipe.preparation != self.preparation:
+            raise InputError(
+                f"recipe: merges task vectors after {describe(recipe.preparation)}, those of pool "
+                f"{self.name!r} went through {describe(self.preparation) or 'no such step'}: "
+                "make its pool with sfkit.prepared_for(pool, recipe)"
+            )
         self.subset(recipe.sources)
         if recipe.blocks != self.blocks:
             raise InputError(
                 f"recipe: has the blocks {', '.join(recipe.blocks)}, expected those of pool {self.name!r}: "
                 f"{', '.join(self.blocks)}"
             )
+
+    def signed(self, recipe: Recipe) -> Recipe:
+        """The recipe with this pool's preparation in it, from which it can be rebuilt later.
+
+        Raises:
+            InputError: the recipe is not for this pool.
+        """
+        self.check_recipe(recipe)
+        return replace(recipe, preparation=self.preparation)
 
     def canonical(self, recipe: Recipe) -> dict[str, Any]:
         """What decides the merged network, in content rather than names; part of evaluation keys."""

@@ -14,8 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from sfkit.errors import InputError, unknown_name
+from sfkit.merging.steps import Step, as_dicts, from_dicts
 
 FORMAT = "sfkit-recipe/1"
+PREPARED = "sfkit-recipe/2"
+"""With a preparation: a reader that does not know of them refuses it."""
 
 
 @dataclass(frozen=True)
@@ -29,12 +32,15 @@ class Recipe:
         weights: B rows of E non-negative weights. Rows of a routed recipe sum to 1; a weighted merge
             such as task arithmetic may have another sum.
         scales: B module scales; they act on parameters, never on running statistics.
+        preparation: the steps that made the sources' task vectors out of those the pool was read with. A
+            prepared pool's own recipes may leave it out; :meth:`~sfkit.merging.pool.Pool.signed` adds it.
     """
 
     sources: tuple[str, ...]
     blocks: tuple[str, ...]
     weights: tuple[tuple[float, ...], ...]
     scales: tuple[float, ...]
+    preparation: tuple[Step, ...] = ()
 
     def __post_init__(self) -> None:
         if len(set(self.sources)) != len(self.sources):
@@ -114,8 +120,10 @@ class Recipe:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values: ``weights[block][source]`` and ``scales[block]``."""
+        prepared = {"preparation": as_dicts(self.preparation)} if self.preparation else {}
         return {
-            "format": FORMAT,
+            "format": PREPARED if self.preparation else FORMAT,
+            **prepared,
             "sources": list(self.sources),
             "blocks": list(self.blocks),
             "weights": {
@@ -136,8 +144,11 @@ class Recipe:
         Raises:
             InputError: a key is missing, or is not of the recipe's form; ``where`` names the file.
         """
-        if values.get("format") != FORMAT:
-            raise InputError(f"{where}: found format {values.get('format')!r}, expected {FORMAT!r}")
+        if values.get("format") not in (FORMAT, PREPARED):
+            raise InputError(
+                f"{where}: found format {values.get('format')!r}, expected {FORMAT!r} or {PREPARED!r}"
+            )
+        steps = from_dicts(values.get("preparation"), where) if values["format"] == PREPARED else ()
         try:
             if not (isinstance(values["sources"], list) and isinstance(values["blocks"], list)):
                 raise TypeError("sources and blocks must be lists")
@@ -150,7 +161,7 @@ class Recipe:
         except (TypeError, ValueError) as error:
             raise InputError(f"{where}: the recipe is malformed ({error})") from error
         try:
-            return cls(sources, blocks, weights, scales)
+            return cls(sources, blocks, weights, scales, steps)
         except InputError as error:
             raise InputError(f"{where}: {str(error).removeprefix('recipe: ')}") from error
 

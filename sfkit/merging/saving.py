@@ -30,7 +30,7 @@ class Origin:
         architecture: name, version and options.
         blocks: block name -> key patterns.
         base: file name, fingerprint and licence of the base.
-        sources: the same of each source with a weight, by name.
+        sources: the same of each source with a weight, or that one with a weight was made from, by name.
         sfkit: the version that wrote it.
     """
 
@@ -52,15 +52,15 @@ class Origin:
 def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:
     """The text entries a merged file carries; :func:`read_origin` reads them back."""
     weighing = [n for e, n in enumerate(recipe.sources) if any(row[e] for row in recipe.weights)]
-    members = {source.name: source for source in pool.sources}
+    members = {origin.name: origin for name in weighing for origin in pool.origins[name]}
     described = pool.describe()
     values = {
-        "recipe": recipe.as_dict(),
+        "recipe": pool.signed(recipe).as_dict(),
         "pool": pool.name,
         "architecture": {key: described[key] for key in ("name", "version", "options")},
         "blocks": dict(zip(pool.blocks, map(list, pool.partition.patterns), strict=True)),
         "base": _member(pool.base),
-        "sources": {name: _member(members[name]) for name in weighing},
+        "sources": {name: _member(member) for name, member in members.items()},
         "sfkit": version("sfkit"),
     }
     return {f"sfkit.{key}": json.dumps(value) for key, value in values.items()}

@@ -160,7 +160,7 @@ def search_pool(
         best = second
     if best is None:
         raise InputError("the plan has neither stage, expected something to search")
-    (folder / "recipe.json").write_text(best.recipe.to_json(), encoding="utf-8")
+    (folder / "recipe.json").write_text(pool.signed(best.recipe).to_json(), encoding="utf-8")
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
     found = Found(best.recipe, best.score, first, second, merged, folder)
     (folder / "result.json").write_text(json.dumps(summary(pool, found), indent=2), encoding="utf-8")
@@ -178,7 +178,7 @@ def summary(pool: Pool, found: Found) -> dict[str, Any]:
         "stage1": found.stage1.score if found.stage1 else None,
         "stage2": found.stage2.score if found.stage2 else None,
         "subset": list(found.recipe.sources),
-        "recipe": found.recipe.as_dict(),
+        "recipe": pool.signed(found.recipe).as_dict(),
         "origin": {key: origin[key] for key in ("architecture", "base", "sources")},
         "merged": found.merged.name,
     }

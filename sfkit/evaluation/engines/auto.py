@@ -13,7 +13,7 @@ import torch
 from sfkit.errors import InputError
 from sfkit.evaluation.engines.crew import ParallelEngine
 from sfkit.evaluation.engines.inline import InlineEngine
-from sfkit.evaluation.engines.plan import module_of
+from sfkit.evaluation.engines.plan import ensure_rebuildable, module_of
 from sfkit.evaluation.engines.processes import process_engine
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
@@ -89,6 +89,7 @@ class AutoEngine:
             return None, f"{one} is one device: name workers to run several evaluations at a time on it"
         try:
             module_of(self._pool)
+            ensure_rebuildable(self._pool)
         except InputError as error:
             return None, str(error)
         if self._workers:

@@ -8,7 +8,7 @@ from typing import Protocol
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.engines.auto import AutoEngine
 from sfkit.evaluation.engines.inline import InlineEngine
-from sfkit.evaluation.engines.plan import module_of
+from sfkit.evaluation.engines.plan import ensure_rebuildable, module_of
 from sfkit.evaluation.engines.processes import process_engine
 from sfkit.evaluation.engines.ray_actors import ensure_ray, ray_engine
 from sfkit.evaluation.engines.worker import Result
@@ -71,10 +71,12 @@ def check_pool(name: str, pool: Pool) -> None:
     """Refuse, before long work, a pool that an engine's workers could not open.
 
     Raises:
-        InputError: they could not import its architecture.
+        InputError: they could not import its architecture, or prepare its task vectors from its files.
     """
     if name in ("processes", "ray"):
         module_of(pool)
+    if name == "processes":
+        ensure_rebuildable(pool)
 
 
 def make_engine(

@@ -21,6 +21,7 @@ from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.opening import Checked
 from sfkit.merging.pool import Pool
+from sfkit.merging.steps import Step
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class PoolParcel:
     base_flat: TensorBytes
     vectors: Mapping[str, TensorBytes]
     base_tensors: Mapping[str, TensorBytes]
+    preparation: tuple[Step, ...]
+    origins: Mapping[str, tuple[Checked, ...]]
 
     @classmethod
     def of(cls, pool: Pool) -> PoolParcel:
@@ -75,6 +78,8 @@ class PoolParcel:
             TensorBytes.of(pool.base_flat),
             {name: TensorBytes.of(vector) for name, vector in pool.vectors.items()},
             {key: TensorBytes.of(tensor) for key, tensor in pool.base_tensors.items()},
+            pool.preparation,
+            pool.origins,
         )
 
     def open(self) -> Pool:
@@ -94,6 +99,8 @@ class PoolParcel:
             (self.base, tensors),
             (self.layout, self.base_flat.tensor(), vectors),
             self.sources,
+            preparation=self.preparation,
+            origins=self.origins,
         )
 
 

@@ -20,6 +20,8 @@ from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool, open_pool
+from sfkit.merging.preparation import prepare
+from sfkit.merging.steps import FisherMean, Step
 
 _NOT_IMPORTABLE = (None, "__main__", "__mp_main__")
 
@@ -61,6 +63,7 @@ class WorkerPlan:
 
     Attributes:
         spec: the pool's files; a worker opens them, which cached task vectors make cheap.
+        preparation: what is done to the task vectors then.
         module: the module whose import registers the architecture.
         benchmark: its record; pairs in memory travel with it.
         thresholds: in pixels, that per-image errors are counted at.
@@ -71,6 +74,7 @@ class WorkerPlan:
     """
 
     spec: PoolSpec
+    preparation: tuple[Step, ...]
     module: str
     benchmark: Benchmark
     thresholds: tuple[float, ...]
@@ -97,7 +101,9 @@ class WorkerPlan:
         module = module_of(pool)
         ensure_importable({type(pair).__module__ for pair in benchmark.pairs}, "a pair's class")
         found = identity(pool, benchmark)
-        return cls(pool.spec, module, benchmark, thresholds, mode, Numerics.here(), threads, found)
+        return cls(
+            pool.spec, pool.preparation, module, benchmark, thresholds, mode, Numerics.here(), threads, found
+        )
 
     def open(self, device: str, pool: Pool | None = None) -> Worker:
         """Become a worker in this process: open pool and benchmark, check them, build the network.
@@ -115,7 +121,7 @@ class WorkerPlan:
         self.register()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SfkitWarning)  # the process that made the plan has warned
-            opened = pool or open_pool(self.spec)
+            opened = pool or prepare(open_pool(self.spec), *self.preparation)
         self._check(identity(opened, self.benchmark))
         inputs = opened.architecture.inputs(opened.options)
         prepared = PreparedBenchmark(self.benchmark, inputs, self.thresholds)
@@ -165,6 +171,19 @@ def module_of(pool: Pool) -> str:
     module = getattr(pool.architecture.build, "__module__", None)
     ensure_importable([module], f"architecture {pool.architecture.name!r}")
     return str(module)
+
+
+def ensure_rebuildable(pool: Pool) -> None:
+    """Refuse a pool whose task vectors a worker could not prepare from its files.
+
+    Raises:
+        InputError: they were weighted by information that came from images.
+    """
+    if any(isinstance(step, FisherMean) for step in pool.preparation):
+        raise InputError(
+            f"pool {pool.name!r}: its task vectors were weighted by Fisher information, which workers cannot "
+            "rebuild from its files, use engine='inline' or 'ray'"
+        )
 
 
 def ensure_importable(modules: Iterable[str | None], what: str) -> None:

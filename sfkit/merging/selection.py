@@ -1,0 +1,84 @@
+"""The k-th largest magnitude of many numbers, in two passes and without sorting or copying them.
+
+A sample brackets the value; one pass counts what lies above the bracket and keeps what lies inside, about a
+hundredth of all; among those the value is found exactly. The sample is evenly spread and drawn from nothing,
+so that the same numbers always take the same way, and it never changes the result.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+import torch
+
+SAMPLE = 1 << 16
+SPREAD = 5.0  # standard deviations of the sample's quantile on either side of it
+
+Chunks = Callable[[], Iterable[torch.Tensor]]
+"""Reads the numbers from the beginning, chunk by chunk."""
+
+
+def kth_magnitude(chunks: Chunks, count: int, k: int) -> float:
+    """The k-th largest absolute value.
+
+    Args:
+        chunks: float32 tensors of shape (n,), ``count`` numbers in all; asked for two or three times.
+        count: how many numbers there are, at least 1.
+        k: from 1 to ``count``.
+    """
+    low, high = _bracket(chunks, count, k)
+    while True:
+        above, inside = _inspect(chunks, low, high)
+        if above >= k:  # the sample was unlucky: the value lies above its bracket
+            low, high = high, math.inf
+        elif above + inside.count < k:
+            low, high = 0.0, low
+        else:
+            return inside.largest(k - above)
+
+
+class _Inside:
+    """The magnitudes inside a bracket; of a bracket of one value only their number."""
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low, self.high = low, high
+        self.count = 0
+        self._kept: list[torch.Tensor] = []
+
+    def add(self, magnitudes: torch.Tensor) -> None:
+        if self.low == self.high:
+            self.count += int((magnitudes == self.low).sum())
+            return
+        kept = magnitudes[(magnitudes >= self.low) & (magnitudes <= self.high)]
+        self.count += kept.numel()
+        self._kept.append(kept)
+
+    def largest(self, k: int) -> float:
+        """The k-th largest of them."""
+        if self.low == self.high:
+            return self.low
+        every = torch.cat(self._kept)
+        return float(torch.kthvalue(every, every.numel() - k + 1).values)
+
+
+def _inspect(chunks: Chunks, low: float, high: float) -> tuple[int, _Inside]:
+    """How many magnitudes lie above the bracket, and those inside it."""
+    inside, above = _Inside(low, high), 0
+    for chunk in chunks():
+        magnitudes = chunk.abs()
+        above += int((magnitudes > high).sum())
+        inside.add(magnitudes)
+    return above, inside
+
+
+def _bracket(chunks: Chunks, count: int, k: int) -> tuple[float, float]:
+    """Two sampled magnitudes with the k-th largest most likely between them."""
+    stride = max(1, count // SAMPLE)
+    sample = torch.cat([chunk[::stride].abs() for chunk in chunks()]).sort(descending=True).values
+    share, drawn = k / count, sample.numel()
+    spread = SPREAD * math.sqrt(share * (1.0 - share) * drawn) + 2.0
+    first, last = math.floor(share * drawn - spread), math.ceil(share * drawn + spread)
+    high = math.inf if first < 0 else float(sample[first])
+    low = 0.0 if last >= drawn else float(sample[last])
+    return low, high
