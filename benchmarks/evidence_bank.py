@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,21 +16,28 @@ from sfkit.bank import VALIDATION, benchmark, benchmarks
 from sfkit.bank.rendered import RenderedPair
 from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
+from sfkit.merging.partitions import WAYS, auto_partition
 
 EVALUATIONS = 80
 POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
 UNSEEN_PAIRS = 20
 MARKS = (20, 40)
+ROUTING_PAIRS = 10
 SEEDS = {2: 4, 5: 4, 10: 3, 20: 2, 40: 1}
 """Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
 
 
 def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
-    """Name -> comparison; the first seed of the small ones first."""
-    order = sorted(
-        (seed * 40 + pairs * (1 + seed), pairs, seed) for pairs, n in SEEDS.items() for seed in range(n)
-    )
-    return {f"guards-{pairs:02d}-{seed}": partial(guards, pairs, seed) for _, pairs, seed in order}
+    """Name -> comparison on the bank, the first seed of each first."""
+    found: dict[str, Callable[[Path], pd.DataFrame]] = {}
+    for seed in range(max(SEEDS.values())):
+        for pairs, count in SEEDS.items():
+            if seed < count:
+                found[f"guards-{pairs:02d}-{seed}"] = partial(compared, pairs, seed, trials(pairs), MARKS)
+        if seed < 2:
+            found[f"routing-{seed}"] = partial(compared, ROUTING_PAIRS, seed, routings(), ())
+            found[f"partitions-{seed}"] = partial(partitions, seed)
+    return found
 
 
 def trials(pairs: int) -> list[Trial]:
@@ -47,7 +55,41 @@ def trials(pairs: int) -> list[Trial]:
     return found
 
 
-def guards(pairs: int, seed: int, folder: Path) -> pd.DataFrame:
+def routings() -> list[Trial]:
+    """Tied, low-rank and block-specific routing at one budget, the last with the entropy penalty as well."""
+
+    def settings(**kind: Any) -> sfkit.RoutingSettings:
+        return sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, **kind)
+
+    return [
+        Trial("tied", settings()),
+        Trial("rank 1", settings(tied=False, rank=1)),
+        Trial("rank 2", settings(tied=False, rank=2)),
+        Trial("block-specific", settings(tied=False)),
+        Trial("block-specific, entropy 0.5", settings(tied=False, entropy=0.5)),
+        Trial("tied, entropy 0.5", settings(entropy=0.5)),
+    ]
+
+
+def partitions(seed: int, folder: Path) -> pd.DataFrame:
+    """The architecture's blocks and those made from the network itself, tied and block-specific."""
+    ways = {"architecture's": None, **{by: auto_partition(opened(), by=by) for by in WAYS}}
+    kinds = {"tied": True, "block-specific": False}
+    ours = [
+        Trial(
+            f"{way}, {kind}",
+            sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, tied=tied),
+            partition=partition,
+        )
+        for way, partition in ways.items()
+        for kind, tied in kinds.items()
+    ]
+    return compared(ROUTING_PAIRS, seed, ours, (), folder)
+
+
+def compared(
+    pairs: int, seed: int, ways: Sequence[Trial], marks: Sequence[int], folder: Path
+) -> pd.DataFrame:
     """Both stages guided by ``pairs`` pairs of the validation world, drawn by the seed."""
     pool = opened()
     order = np.random.default_rng([seed, 7]).permutation(40)
@@ -58,9 +100,7 @@ def guards(pairs: int, seed: int, folder: Path) -> pd.DataFrame:
         stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
         subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
         judges = {name: unseen.with_store(store) for name, unseen in unseen_evaluators().items()}
-        table = run_trials(
-            trials(pairs), pool.subset(subset), pool.blocks, scorer, judges, seeds=(seed,), marks=MARKS
-        )
+        table = run_trials(ways, pool, subset, scorer, judges, seeds=(seed,), marks=marks)
     table.insert(0, "pairs", pairs)
     table["subset"] = "+".join(subset)
     return table

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,20 @@ from sfkit.merging import open_pool as open_own_pool
 BANK = "bank"
 
 
-def open_pool(path: str | Path | PoolSpec) -> Pool:
+def open_pool(
+    path: str | Path | PoolSpec, *, blocks: Mapping[str, Sequence[str]] | str | None = None
+) -> Pool:
     """Open a pool: ``"bank"`` or ``"bank-slim"`` for an embedded one, else a ``pool.toml`` or its folder.
+
+    Args:
+        path: which.
+        blocks: a partition to use in place of the pool's own: block name -> globs over keys, or how to make
+            one, ``"modules"`` or ``"disagreement"``, ``"modules:6"`` for six blocks.
 
     Raises:
         InputError: as :func:`sfkit.merging.open_pool` says.
     """
-    return open_own_pool(bank.pool_path(str(path)) if path in bank.banks() else path)
+    return open_own_pool(bank.pool_path(str(path)) if path in bank.banks() else path, blocks=blocks)
 
 
 def open_benchmark(

@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from sfkit.errors import InputError
-from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.outcome import Scorer
+from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate
@@ -30,18 +31,20 @@ class Trial:
         settings: of the search; its seed is replaced by those of the comparison.
         shorten: t in (0, 1]: the vector found is shortened to t x, towards Stage 1, before it is judged;
             t < 1 is judged at the end of the search alone.
+        partition: blocks in place of the pool's own; None for those.
     """
 
     name: str
     settings: RoutingSettings
     shorten: float = 1.0
+    partition: BlockPartition | None = None
 
 
 def run_trials(
     trials: Iterable[Trial],
+    pool: Pool,
     subset: Sequence[str],
-    blocks: Sequence[str],
-    scorer: Scorer,
+    scorer: Evaluator | CombinedScorer,
     judges: Mapping[str, Evaluator],
     *,
     seeds: Iterable[int] = (0,),
@@ -54,8 +57,8 @@ def run_trials(
 
     Args:
         trials: the ways.
+        pool: whose networks are merged.
         subset: Stage 1's sources, the same for all.
-        blocks: the partition's names.
         scorer: the validation benchmark or benchmarks.
         judges: column name -> evaluator of an unseen benchmark.
         seeds: each trial is run once with each.
@@ -70,10 +73,14 @@ def run_trials(
     """
     rows = []
     for trial in trials:
+        parted = pool if trial.partition is None else pool.with_blocks(trial.partition)
+        guide = scorer.with_pool(parted)
+        judging = {name: judge.with_pool(parted) for name, judge in judges.items()}
         for seed in seeds:
-            search = RoutingSearch(subset, blocks, scorer, replace(trial.settings, seed=seed))
+            settings = replace(trial.settings, seed=seed)
+            search = RoutingSearch(parted.subset(subset), parted.blocks, guide, settings)
             search.run()
-            rows += _judged(trial, seed, search, judges, marks)
+            rows += _judged(trial, seed, search, judging, marks)
     return pd.DataFrame(rows, columns=[*TRIAL, *(f"{n}{end}" for n in judges for end in ("", ":equal"))])
 
 

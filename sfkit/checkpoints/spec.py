@@ -20,6 +20,9 @@
     [blocks]                            # optional; replaces the architecture's own partition
     backbone = ["feature_extraction.*"]
     head = ["volume_postprocess.*"]
+
+In place of the table ``blocks = "modules"`` or ``"disagreement:6"`` at the top makes a partition of four, or
+six, blocks from the network itself.
 """
 
 from __future__ import annotations
@@ -51,7 +54,10 @@ class Member:
 
 @dataclass(frozen=True)
 class PoolSpec:
-    """A pool as its ``pool.toml`` describes it; no checkpoint has been opened yet."""
+    """A pool as its ``pool.toml`` describes it; no checkpoint has been opened yet.
+
+    ``blocks`` names the blocks' keys, ``partition`` how to find them; at most one of the two is given.
+    """
 
     name: str
     architecture: str
@@ -60,6 +66,7 @@ class PoolSpec:
     options: Mapping[str, Any] = field(default_factory=dict)
     blocks: Mapping[str, tuple[str, ...]] | None = None
     path: Path | None = None
+    partition: str | None = None
 
 
 def read_pool_spec(path: str | Path) -> PoolSpec:
@@ -96,8 +103,9 @@ def _spec(values: dict[str, Any], path: Path) -> PoolSpec:
         base=_member("base", _table(values, "base", path), root, path, "base"),
         sources=members,
         options=dict(_table(values, "options", path, required=False)),
-        blocks=_blocks(values, path),
+        blocks=None if isinstance(values.get("blocks"), str) else _blocks(values, path),
         path=path,
+        partition=_text(values, "blocks", path) if isinstance(values.get("blocks"), str) else None,
     )
 
 

@@ -17,12 +17,14 @@ from sfkit.architectures import Architecture, architecture
 from sfkit.checkpoints.checks import TensorSpec
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.errors import InputError, SfkitWarning, unknown_name
+from sfkit.merging.arena import MAPPED_ABOVE, allocate
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.cache import VectorCache
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.linear import merge_flat
 from sfkit.merging.live import LiveModel
 from sfkit.merging.opening import Checked, PoolOpener, assemble
+from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.skeleton import skeleton
 from sfkit.merging.steps import Step, describe
@@ -114,6 +116,40 @@ class Pool:
     def build(self) -> nn.Module:
         """A network of this architecture, its values not those of any member."""
         return self.architecture.build(**self.options)
+
+    def with_blocks(self, partition: BlockPartition) -> Pool:
+        """The same pool under another block partition; no checkpoint is read again.
+
+        Recipes that treat all blocks alike keep their evaluations, since blocks do not matter there.
+
+        Raises:
+            InputError: a pattern of the partition matches no parameter.
+        """
+        partition.check(spec.key for spec in self.specs)
+        layout = FlatLayout.of((spec for spec, _ in self.layout.entries), partition)
+        blocks = dict(zip(partition.names, partition.patterns, strict=True))
+        return Pool(
+            replace(self.spec, blocks=blocks, partition=None),
+            self.architecture,
+            self.options,
+            partition,
+            self.specs,
+            (self.base, self.base_tensors),
+            (
+                layout,
+                self._moved(layout, self.base_flat),
+                {name: self._moved(layout, vector) for name, vector in self.vectors.items()},
+            ),
+            self.sources,
+        )
+
+    def _moved(self, layout: FlatLayout, flat: torch.Tensor) -> torch.Tensor:
+        """A flat buffer of this pool's layout in another one's order; itself where they are the same."""
+        if layout.entries == self.layout.entries:
+            return flat
+        moved = allocate(layout.size, mapped=layout.size * 4 > MAPPED_ABOVE)
+        layout.fill(moved, self.layout.views(flat))
+        return moved
 
     def merge(self, recipe: Recipe, *, device: str = "cpu") -> LiveModel:
         """The network a recipe describes, live: it takes on other recipes in place."""
@@ -227,8 +263,17 @@ class Pool:
         )
 
 
-def open_pool(path: str | Path | PoolSpec, *, cache: VectorCache | None = None) -> Pool:
+def open_pool(
+    path: str | Path | PoolSpec,
+    *,
+    cache: VectorCache | None = None,
+    blocks: BlockPartition | Mapping[str, Sequence[str]] | str | None = None,
+) -> Pool:
     """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
+
+    ``blocks`` takes the place of the partition that it or the architecture gives: block name -> globs over
+    keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see
+    :func:`~sfkit.merging.partitions.auto_partition`).
 
     Task vectors of big networks are kept in ``cache`` (the user's, unless given), so that a second
     opening reads no checkpoint that has not changed.
@@ -241,6 +286,8 @@ def open_pool(path: str | Path | PoolSpec, *, cache: VectorCache | None = None) 
             :mod:`sfkit.checkpoints`.
     """
     spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
+    wanted = spec.partition if blocks is None else blocks
+    automatic = parse_partition(wanted) if isinstance(wanted, str) else None
     entry = architecture(spec.architecture)
     options = entry.resolve(spec.options, near=spec.base.path)
     specs = skeleton(entry, options)
@@ -261,7 +308,12 @@ def open_pool(path: str | Path | PoolSpec, *, cache: VectorCache | None = None) 
     pool = Pool(spec, entry, options, partition, specs, (base, base_file.tensors), parts, sources)
     for doubt in pool.warnings:
         warnings.warn(doubt, SfkitWarning, stacklevel=2)
-    return pool
+    if automatic is not None:
+        by, count = automatic
+        return pool.with_blocks(auto_partition(pool, count, by))
+    if wanted is None or isinstance(wanted, str):
+        return pool
+    return pool.with_blocks(wanted if isinstance(wanted, BlockPartition) else BlockPartition.of(wanted))
 
 
 def _refuse_twins(sources: Sequence[Checked]) -> None:

@@ -1,4 +1,9 @@
-"""The vector CMA-ES moves, and the recipe it stands for (StereoFactory, eqs. 9, 10, 11 and 13)."""
+"""The vector CMA-ES moves, and the recipe it stands for (StereoFactory, eqs. 9, 10, 11 and 13).
+
+Between the paper's tied and block-specific routing lies low-rank routing, which is ours: the logits are
+W = 1 u^T + sum_r a_r b_r^T, one row u that all blocks share and R directions b_r over the sources, which each
+block follows as far as its entry of a_r says.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,7 @@ from numpy.typing import NDArray
 
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe, routed
-from sfkit.search.checks import require_between, require_known
+from sfkit.search.checks import require_between, require_known, require_whole
 
 Vector = NDArray[np.float64]
 
@@ -22,13 +27,15 @@ class Encoding:
     """x = [vec(W), s]: routing logits, row by row, then one scale variable a scaled block (eq. 9).
 
     Tied routing has one row of E logits for all blocks, block-specific routing one for each block that is
-    not frozen. With B blocks, none frozen, x has E + B or B * E + B entries.
+    not frozen. With B blocks, none frozen, x has E + B or B * E + B entries. Low-rank routing has u, then a_r
+    (B entries) and b_r (E entries) for each r: E + R (B + E) + B entries.
 
     Attributes:
         sources: E names, at least two.
         blocks: B names, in the partition's order.
         gamma: bounds of the module scales, around 1, so that x = 0 is the equal-weight merge.
         tied: True where all blocks share one row of weights.
+        rank: R of low-rank routing, at least 1, for ``tied=False``; None for block-specific routing.
         scaled: False fixes every module scale at 1.
         frozen: blocks with a scale of 1 and, unless tied, equal weights.
 
@@ -42,8 +49,10 @@ class Encoding:
     tied: bool = True
     scaled: bool = True
     frozen: tuple[str, ...] = ()
+    rank: int | None = None
 
     def __post_init__(self) -> None:
+        check_rank(self.rank, self.tied)
         if len(self.sources) < 2:
             raise InputError(
                 f"sources: found {list(self.sources)}, expected at least two: one source leaves no routing"
@@ -60,13 +69,30 @@ class Encoding:
 
     @property
     def rows(self) -> int:
-        """Rows of logits in x."""
+        """Rows of logits that x stands for."""
         return 1 if self.tied else len(self.free)
+
+    @property
+    def _cut(self) -> int:
+        """Entries of x that are for the logits; those for the scales follow."""
+        sources = len(self.sources)
+        if self.rank is None:
+            return self.rows * sources
+        return sources + int(self.rank) * (self.rows + sources)
 
     @property
     def dimension(self) -> int:
         """Entries of x."""
-        return self.rows * len(self.sources) + (len(self.free) if self.scaled else 0)
+        return self._cut + (len(self.free) if self.scaled else 0)
+
+    def logits(self, x: Vector) -> Vector:
+        """W, (rows, E): one row for all blocks where tied, else one for each block that is not frozen."""
+        sources = len(self.sources)
+        if self.rank is None:
+            return x[: self._cut].reshape(self.rows, sources)
+        factors = x[sources : self._cut].reshape(int(self.rank), self.rows + sources)
+        a, b = factors[:, : self.rows], factors[:, self.rows :]
+        return np.asarray(x[:sources][None, :] + a.T @ b)
 
     def decode(self, x: Vector) -> Recipe:
         """The recipe x stands for; zeros give exactly ``Recipe.equal``.
@@ -74,9 +100,8 @@ class Encoding:
         Args:
             x: ``dimension`` finite numbers.
         """
-        cut = self.rows * len(self.sources)
-        weights = [softmax(row) for row in x[:cut].reshape(self.rows, -1)]
-        scales = [scale_of(s, self.gamma) for s in x[cut:]]
+        weights = [softmax(row) for row in self.logits(x)]
+        scales = [scale_of(s, self.gamma) for s in x[self._cut :]]
         equal = (1.0 / len(self.sources),) * len(self.sources)
         row_of = dict.fromkeys(self.blocks, weights[0] if self.tied else equal)
         if not self.tied:
@@ -92,11 +117,13 @@ class Encoding:
         )
 
     def distance(self, x: Vector) -> float:
-        """Mean squared entry of x, each row of logits less its mean, which no recipe depends on."""
-        cut = self.rows * len(self.sources)
-        logits = x[:cut].reshape(self.rows, -1)
+        """Mean square of logits and scale variables, each row of logits less its mean.
+
+        No recipe depends on a row's mean; a tied row counts once.
+        """
+        logits, scales = self.logits(x), x[self._cut :]
         centred = logits - logits.mean(axis=1, keepdims=True)
-        return float((np.sum(centred**2) + np.sum(x[cut:] ** 2)) / self.dimension)
+        return float((np.sum(centred**2) + np.sum(scales**2)) / (logits.size + scales.size))
 
     def encode(self, recipe: Recipe, floor: float = 0.01) -> Vector:
         """A vector that decodes to the recipe, up to rounding, or near it where it lies on the boundary.
@@ -110,21 +137,31 @@ class Encoding:
             floor: in (0, 0.5).
 
         Returns:
-            ``dimension`` numbers; each row of logits has a mean of 0.
+            ``dimension`` numbers; each row of logits has a mean of 0. Low-rank routing gets the nearest
+            logits of its rank.
         """
         rows = (
             recipe.weights[:1] if self.tied else [recipe.weights[recipe.blocks.index(b)] for b in self.free]
         )
         logits = np.log(np.maximum(np.asarray(rows, dtype=np.float64), floor))
         logits -= logits.mean(axis=1, keepdims=True)
+        routing = logits.ravel() if self.rank is None else self._factors(logits)
         if not self.scaled:
-            return logits.ravel()
+            return routing
         half = (self.gamma[1] - self.gamma[0]) / 2.0
         scales = np.array([recipe.scales[recipe.blocks.index(block)] for block in self.free])
         bound = 1.0 - 2.0 * floor
-        return np.concatenate(
-            [logits.ravel(), 2.0 * np.arctanh(np.clip((scales - 1.0) / half, -bound, bound))]
-        )
+        return np.concatenate([routing, 2.0 * np.arctanh(np.clip((scales - 1.0) / half, -bound, bound))])
+
+    def _factors(self, logits: Vector) -> Vector:
+        """u, then a_r and b_r, of the nearest W = 1 u^T + sum_r a_r b_r^T in the sum of squares."""
+        u = logits.mean(axis=0)
+        left, strengths, right = np.linalg.svd(logits - u, full_matrices=False)
+        factors = np.zeros((int(self.rank or 0), self.rows + len(self.sources)))
+        for r in range(min(len(factors), len(strengths))):
+            half = math.sqrt(float(strengths[r]))
+            factors[r] = np.concatenate([left[:, r] * half, right[r] * half])
+        return np.concatenate([u, factors.ravel()])
 
     def admit(self, recipe: Recipe, argument: str = "start") -> Recipe:
         """The recipe over all sources and blocks of this encoding, in its order; absent sources weigh 0.
@@ -167,6 +204,19 @@ class Encoding:
             unequal = any(abs(weight - equal) > _SUM_TOLERANCE for weight in row)
             if block in self.frozen and not self.tied and unequal:
                 raise InputError(f"{where} is frozen but has weights {list(row)}, expected equal ones")
+
+
+def check_rank(rank: int | None, tied: bool) -> None:
+    """Refuse a rank of routing that is tied, or that is no whole number of at least 1.
+
+    Raises:
+        InputError: what was found.
+    """
+    if rank is None:
+        return
+    require_whole("rank", rank, 1)
+    if tied:
+        raise InputError(f"rank: found {rank} and tied=True, expected tied=False: tied routing has one row")
 
 
 def check_gamma(gamma: tuple[float, float]) -> None:

@@ -88,6 +88,7 @@ class RoutingSearch(Search[RoutingCandidate]):
             self.settings.tied,
             self.settings.scaled,
             self.constraints.frozen_blocks,
+            self.settings.rank,
         )
         self.start = None if start is None else self.encoding.admit(start)
         self._cmas: list[CmaEs] | None = None

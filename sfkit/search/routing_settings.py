@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.checks import require_between, require_positive, require_whole
 from sfkit.search.cma_es import SMALLEST_POPULATION
-from sfkit.search.encoding import check_gamma
+from sfkit.search.encoding import check_gamma, check_rank
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,8 @@ class RoutingSettings:
         gamma: bounds of the module scales, with 1 in the middle.
         tied: True shares one row of weights between all blocks (E + B dimensions), False gives each
             block its own (B * E + B).
+        rank: R >= 1, with ``tied=False``, makes routing low-rank: one row that all blocks share and R
+            directions that each follows to a degree of its own (E + R (B + E) + B); None for neither.
         scaled: False fixes all module scales at 1.
         entropy: lambda, at least 0: the weight of the mean entropy added to the score (eq. 13), in the
             score's unit a nat.
@@ -50,6 +52,7 @@ class RoutingSettings:
     gamma: tuple[float, float] = (0.25, 1.75)
     tied: bool = True
     scaled: bool = True
+    rank: int | None = None
     entropy: float = 0.0
     holdout: float = 0.0
     shrinkage: float = 0.0
@@ -66,6 +69,7 @@ class RoutingSettings:
         require_positive("sigma", self.sigma)
         check_gamma(self.gamma)
         require_between("entropy", self.entropy, 0.0)
+        check_rank(self.rank, self.tied)
         check_holdout(self.holdout)
         require_between("shrinkage", self.shrinkage, 0.0)
         require_between("tolfun", self.tolfun, 0.0)

@@ -25,7 +25,8 @@ def encodings(draw: st.DrawFn) -> Encoding:
     frozen = draw(st.sets(st.sampled_from(BLOCKS), max_size=len(BLOCKS) - 1))
     half = draw(st.floats(0.05, 1.0))
     sources = names(draw(st.integers(2, 6)))
-    return Encoding(sources, BLOCKS, (1.0 - half, 1.0 + half), tied, scaled, tuple(sorted(frozen)))
+    rank = None if tied else draw(st.sampled_from((None, 1, 2, 3)))
+    return Encoding(sources, BLOCKS, (1.0 - half, 1.0 + half), tied, scaled, tuple(sorted(frozen)), rank)
 
 
 @st.composite
@@ -46,6 +47,7 @@ def test_dimensions_are_the_papers() -> None:
     assert Encoding(five, four, tied=False).dimension == 5 * 4 + 4
     assert Encoding(five, four, scaled=False).dimension == 5
     assert Encoding(five, four, frozen=("neck",)).dimension == 8
+    assert Encoding(five, four, tied=False, rank=1).dimension == 5 + (4 + 5) + 4
     assert Encoding(five, four, tied=False, frozen=("neck",)).dimension == 5 * 3 + 3
 
 
@@ -100,11 +102,47 @@ def test_every_vector_is_a_recipe_within_the_bounds(case: tuple[Encoding, np.nda
 @given(vectors())
 def test_encode_inverts_decode(case: tuple[Encoding, np.ndarray]) -> None:
     encoding, x = case
+    if encoding.rank is not None:
+        x = x / 4.0  # products of two entries: as far from the floor as the others
     recipe = encoding.decode(x)
     again = encoding.decode(encoding.encode(recipe, floor=1e-9))
     for row, row_again in zip(recipe.weights, again.weights, strict=True):
         assert row_again == pytest.approx(row, abs=1e-7)
     assert again.scales == pytest.approx(recipe.scales, abs=1e-7)
+
+
+@given(st.integers(2, 5), st.integers(2, 5), st.data())
+def test_full_rank_reproduces_block_specific_routing(sources: int, blocks: int, data: st.DataObject) -> None:
+    """R = min(B, E) - 1 directions beside the shared row reach every W, since rows may share a mean."""
+    names_, blocks_ = names(sources), tuple(f"block{n}" for n in range(blocks))
+    free = Encoding(names_, blocks_, tied=False)
+    x = np.array(data.draw(st.lists(st.floats(-4, 4), min_size=free.dimension, max_size=free.dimension)))
+    recipe = free.decode(x)
+    low = Encoding(names_, blocks_, tied=False, rank=min(sources, blocks) - 1)
+    again = low.decode(low.encode(recipe, floor=1e-9))
+    for row, row_again in zip(recipe.weights, again.weights, strict=True):
+        assert row_again == pytest.approx(row, abs=1e-7)
+    assert again.scales == pytest.approx(recipe.scales, abs=1e-7)
+
+
+def test_low_rank_logits_by_hand() -> None:
+    encoding = Encoding(("a", "b", "c"), ("x", "y"), tied=False, rank=1, scaled=False)
+    assert encoding.dimension == 3 + (2 + 3)
+    x = np.array([1.0, 2.0, 3.0, 10.0, -1.0, 0.5, 0.0, 2.0])
+    assert encoding.logits(x).tolist() == [[6.0, 2.0, 23.0], [0.5, 2.0, 1.0]]
+    frozen = Encoding(("a", "b", "c"), ("x", "y", "z"), tied=False, rank=2, frozen=("y",))
+    assert frozen.dimension == 3 + 2 * (2 + 3) + 2
+
+
+def test_too_low_a_rank_gives_the_nearest_logits() -> None:
+    encoding = Encoding(("a", "b", "c"), ("x", "y", "z"), tied=False, rank=1, scaled=False)
+    rng = np.random.default_rng(5)
+    recipe = routed(encoding.sources, encoding.blocks, rng.dirichlet((2.0, 2.0, 2.0), 3).tolist())
+    wanted = np.log(np.array(recipe.weights))
+    wanted -= wanted.mean(axis=1, keepdims=True)
+    error = np.linalg.norm(encoding.logits(encoding.encode(recipe, floor=1e-9)) - wanted)
+    residual = wanted - wanted.mean(axis=0)
+    assert error == pytest.approx(np.linalg.svd(residual, compute_uv=False)[1], rel=1e-6)
 
 
 def test_encode_brings_the_boundary_within_reach() -> None:
@@ -177,6 +215,8 @@ def test_a_recipe_the_encoding_cannot_express_is_refused(recipe, options, expect
         ({"gamma": (-0.5, 2.5)}, "gamma: found -0.5, expected a finite number of at least 0"),
         ({"gamma": (0.5,)}, "gamma: found .*expected two numbers"),
         ({"gamma": 1.5}, "gamma: found 1.5, expected two numbers"),
+        ({"rank": 1}, "rank: found 1 and tied=True, expected tied=False"),
+        ({"rank": 0, "tied": False}, "rank: found 0, expected a whole number of at least 1"),
         ({"frozen": ("z",)}, "frozen_blocks: unknown block 'z'"),
         ({"frozen": ("x", "y"), "tied": False}, "frozen_blocks: found every block"),
     ],
