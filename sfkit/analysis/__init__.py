@@ -30,11 +30,15 @@ from sfkit.analysis.marking import latex_table, markdown_table, ranks, source_ta
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
+from sfkit.analysis.provenance import environment
+from sfkit.analysis.recipes import recipe_table
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.similarity import DataSimilarity, data_similarity, similarity_recipes
+from sfkit.analysis.study import Study, study
+from sfkit.analysis.summary import summary
 
 __all__ = [
     "Advantage",
@@ -63,6 +67,7 @@ __all__ = [
     "SelectionStatistics",
     "Spread",
     "StageCost",
+    "Study",
     "TaskVectorGeometry",
     "advantage",
     "advantage_panels",
@@ -74,6 +79,7 @@ __all__ = [
     "cost_table",
     "data_similarity",
     "disparity_panels",
+    "environment",
     "export_table",
     "fitness_metrics",
     "growth",
@@ -93,6 +99,7 @@ __all__ = [
     "population_sizes",
     "probe_recipes",
     "ranks",
+    "recipe_table",
     "region_scores",
     "routing_trace",
     "score_grid",
@@ -102,8 +109,10 @@ __all__ = [
     "source_table",
     "stage_costs",
     "stage_variants",
+    "study",
     "styled",
     "subset_transfer",
+    "summary",
     "task_vector_geometry",
     "textureless_mask",
     "validation_sets",

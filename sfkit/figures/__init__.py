@@ -5,6 +5,7 @@ that read on a light page, a dark one, or both.
 """
 
 from sfkit.figures.ablations import population_sizes_figure
+from sfkit.figures.comparisons import comparison_figure
 from sfkit.figures.costs import cost_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
@@ -18,6 +19,7 @@ __all__ = [
     "Theme",
     "advantage_figure",
     "cmaes_figure",
+    "comparison_figure",
     "cost_figure",
     "disparity_figure",
     "population_figure",

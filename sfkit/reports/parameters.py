@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,24 @@ def read_parameters(notebook: str | os.PathLike[str], texts: Mapping[str, str]) 
     defaults = parameter_defaults(path, read_notebook(path))
     values = {n: t if isinstance(defaults.get(n), str) else _from_text(t) for n, t in texts.items()}
     return check_parameters(path, defaults, values)
+
+
+def report_command(
+    notebook: str | os.PathLike[str], values: Mapping[str, Any], page: str = "report.html"
+) -> str:
+    """The command line that runs a notebook with ``values``; those that are its defaults are left out.
+
+    ``values`` may hold more than parameters, such as a notebook's ``globals()``.
+
+    Raises:
+        InputError: as :func:`notebook_parameters`.
+    """
+    words = ["sfkit", "report", Path(notebook).stem]
+    for name, usual in notebook_parameters(notebook).items():
+        value = values.get(name, usual)
+        if value != usual:
+            words += ["-p", name, value if isinstance(value, str) else json.dumps(_plain(name, value))]
+    return shlex.join([*words, "-o", page])
 
 
 def _from_text(text: str) -> Any:

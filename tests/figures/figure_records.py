@@ -9,6 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from sfkit import figures
+from sfkit.analysis.bootstrap import Difference
+from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
 from sfkit.analysis.costs import StageCost
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
@@ -69,6 +71,22 @@ def sizes() -> PopulationSizes:
     return PopulationSizes((4, 12, 30), (0, 1), 5, best, distinct, "bad-1.0", 10.0)
 
 
+def comparison() -> NetworkComparison:
+    """Rows that are better, worse, within noise, without an interval, and failed."""
+    found = {
+        "better": (-2.0, (-3.0, -1.0)),
+        "<b>worse</b>": (1.5, (0.5, 2.0)),
+        "alike": (0.1, (-0.4, 0.6)),
+        "single image": (0.7, None),
+        "failed": (math.nan, None),
+    }
+    rows = [ComparedNetwork("merged", (10.0,), math.nan, 10.0)]
+    for name, (value, interval) in found.items():
+        one = Difference(name, "merged", ("test",), (12,), "%", value, interval, reason="one image")
+        rows.append(ComparedNetwork(name, (10.0 + value,), math.nan, 10.0 + value, unseen_difference=one))
+    return NetworkComparison("merged", (), tuple(rows), "%")
+
+
 def panels(height: int = 20, width: int = 40) -> DisparityPanels:
     """Truth 2 px with a hole in the left half; errors 0 in the right half but for one broken pixel."""
     truth = np.full((height, width), 2.0, np.float32)
@@ -94,6 +112,7 @@ def versus() -> AdvantagePanels:
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
     "population sizes": lambda theme: figures.population_sizes_figure(sizes(), theme=theme),
+    "comparison": lambda theme: figures.comparison_figure(comparison(), theme=theme),
     "routing": lambda theme: figures.routing_figure(trace(), theme=theme),
     "routing by block": lambda theme: figures.routing_figure(trace(tied=False), theme=theme),
     "scales": lambda theme: figures.scales_figure(trace(), theme=theme),

@@ -1,0 +1,304 @@
+"""The main comparison: every method on one pool, tuned on validation, tested on what none of them saw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sfkit.analysis.bootstrap import Difference, Resampling
+from sfkit.analysis.comparisons import NetworkComparison, compare_networks
+from sfkit.analysis.experiment import Experiment
+from sfkit.analysis.measured import Measured, measure_with
+from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
+from sfkit.errors import InputError
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.separation import check_separation
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+SEEDED = ("stage1", "stage1_2")
+"""Methods that are run once a seed."""
+BASE = "base"
+
+Progress = Callable[[str], None]
+"""Hears what begins."""
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Every method's network, measured.
+
+    Attributes:
+        experiment: pool, benchmarks, budgets.
+        seeds: of the methods that are run once a seed.
+        run: all methods, with the first seed.
+        runs: network name -> result: the methods by their label, or ``LABEL, seed N`` for seeded ones.
+        measured: all networks on every benchmark, validation first: base, sources, then those of ``runs``.
+        comparison: a row a method, seeds averaged, differences to :attr:`reference`.
+        reference: the row that others are compared with.
+        chosen: the network validation prefers among all that saw nothing else: what to deploy.
+    """
+
+    experiment: Experiment
+    seeds: tuple[int, ...]
+    run: BaselineRun
+    runs: Mapping[str, BaselineResult]
+    measured: tuple[Measured, ...]
+    comparison: NetworkComparison
+    reference: str
+    chosen: str
+
+    @property
+    def result(self) -> BaselineResult:
+        """The method's result that :attr:`chosen` is the network of."""
+        return self.runs[self.chosen]
+
+    @property
+    def unseen(self) -> tuple[Measured, ...]:
+        """The benchmarks that guided nothing."""
+        return tuple(one for one in self.measured if not one.validation)
+
+    @property
+    def metric(self) -> str:
+        """The metric of the comparison."""
+        return self.experiment.shown
+
+    def mean(self, network: str) -> float:
+        """A network's mean score over the unseen benchmarks; over all where none is unseen."""
+        return _mean(one.score(network, metric=self.metric) for one in self.unseen or self.measured)
+
+    def differences(self, network: str, references: Sequence[str]) -> tuple[Difference, ...]:
+        """One network against others on the unseen benchmarks' mean, all on the same draws of images."""
+        drawing = Resampling(self.unseen or self.measured, np.random.default_rng(self.experiment.seed))
+        return tuple(drawing.difference(network, name, metric=self.metric) for name in references)
+
+    def table(self) -> pd.DataFrame:
+        """The main table: scores, means, differences with intervals, seeds, a verdict in a word or two.
+
+        ``*`` marks the columns that guided, ``†`` the rows that chose by the test.
+        """
+        table = self.comparison.table()
+        table["verdict"] = [_verdict(row.difference) for row in self.comparison.rows]
+        oracles = {r.label: f"{r.label} †" for r in self.runs.values() if r.oracle}
+        return table.rename(index=oracles)
+
+    def scores(self) -> pd.DataFrame:
+        """Base, sources and methods, seeds averaged, for :func:`~sfkit.analysis.scores.score_grid`."""
+        groups: dict[str, list[str]] = {name: [name] for name in (BASE, *self.experiment.pool.names)}
+        for name, result in self.runs.items():
+            groups.setdefault(result.label, []).append(name)
+        rows = [
+            {
+                "network": network,
+                "benchmark": one.benchmark,
+                "metric": self.metric,
+                "unit": self.comparison.unit,
+                "score": _mean(one.score(name, metric=self.metric) for name in names),
+                "role": "validation" if one.validation else "reported",
+            }
+            for one in self.measured
+            for network, names in groups.items()
+        ]
+        return pd.DataFrame(rows)
+
+    def sources_table(self) -> pd.DataFrame:
+        """Base and single sources on every benchmark, and the mean over those that guided nothing."""
+        names = (BASE, *self.experiment.pool.names)
+        columns = {
+            f"{one.benchmark}{' *' if one.validation else ''}": [
+                one.score(name, metric=self.metric) for name in names
+            ]
+            for one in self.measured
+        }
+        table = pd.DataFrame(columns, index=pd.Index(names, name="network"))
+        return table.assign(**{"mean of the unseen": [self.mean(name) for name in names]})
+
+    def cost_table(self) -> pd.DataFrame:
+        """What each method took: evaluations on validation, image pairs through a network, seconds.
+
+        Each stands for itself: what two methods share is in both rows, and what the store saved is counted.
+        """
+        rows = [
+            {
+                "method": result.label,
+                "evaluations": result.evaluations,
+                "image passes": result.image_passes,
+                "seconds": result.seconds,
+                "chosen": ", ".join(f"{k} = {_shown(v)}" for k, v in result.settings.items()),
+            }
+            for result in self.run.results.values()
+        ]
+        return pd.DataFrame(rows).set_index("method")
+
+
+def study(
+    experiment: Experiment,
+    *,
+    seeds: int = 5,
+    methods: Iterable[str] | None = None,
+    reference: str | None = None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    progress: Progress = lambda _line: None,
+) -> Study:
+    """Run every method, and measure all their networks on every benchmark.
+
+    Args:
+        experiment: pool, benchmarks, store and budgets.
+        seeds: how many seeds the two stages are run with, from the experiment's on.
+        methods: names as :func:`~sfkit.baselines.baselines` lists them; all usual ones unless given.
+        reference: the method that others are compared with, by its name; the last one unless given.
+        settings: method name -> settings of its own.
+        progress: hears a line when a method begins.
+
+    Raises:
+        InputError: no seed, an unknown method, or a reference that was not run.
+    """
+    if seeds < 1:
+        raise InputError(f"seeds: found {seeds}, expected at least 1")
+    used = tuple(experiment.seed + number for number in range(seeds))
+    apart = check_separation(experiment.validation, experiment.reported, allow=True)
+    evaluators = [experiment.scorer(benchmark) for benchmark in apart.columns]
+    tests = [one for one in evaluators if one.benchmark.name not in apart.guided]
+    run = _run(experiment, used[0], methods, tests, settings, progress)
+    runs = _seeded(experiment, run, used, settings, progress)
+    progress("every network on every benchmark")
+    measured = _measure(experiment, runs, evaluators, apart.guided)
+    name = reference or list(run.results)[-1]
+    if name not in run.results:
+        raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
+    label = run.results[name].label
+    comparison = _compare(experiment, measured, runs, label)
+    return Study(experiment, used, run, runs, measured, comparison, label, _best(runs))
+
+
+def _run(
+    experiment: Experiment,
+    seed: int,
+    methods: Iterable[str] | None,
+    tests: Sequence[Evaluator],
+    settings: Mapping[str, Mapping[str, Any]] | None,
+    progress: Progress,
+) -> BaselineRun:
+    def heard(label: str, done: int, total: int) -> None:
+        if label:
+            progress(f"method {done + 1} of {total}: {label}, seed {seed}")
+
+    return run_baselines(
+        experiment.pool,
+        experiment.scorer(),
+        methods,
+        seed=seed,
+        population=experiment.population,
+        generations=experiment.generations,
+        evaluations=experiment.evaluations,
+        tests=tests,
+        settings=settings,
+        progress=heard,
+    )
+
+
+def _seeded(
+    experiment: Experiment,
+    run: BaselineRun,
+    seeds: Sequence[int],
+    settings: Mapping[str, Mapping[str, Any]] | None,
+    progress: Progress,
+) -> dict[str, BaselineResult]:
+    """Results by network name; the stages once a seed."""
+    again = [name for name in SEEDED if name in run.results]
+    others = {seed: _run(experiment, seed, again, (), settings, progress) for seed in seeds[1:] if again}
+    runs: dict[str, BaselineResult] = {}
+    for name, result in run.results.items():
+        if name not in again:
+            runs[result.label] = result
+            continue
+        for seed in seeds:
+            found = result if seed == seeds[0] else others[seed].results[name]
+            runs[f"{result.label}, seed {seed}"] = found
+    return runs
+
+
+def _measure(
+    experiment: Experiment,
+    runs: Mapping[str, BaselineResult],
+    evaluators: Sequence[Evaluator],
+    guided: Sequence[str],
+) -> tuple[Measured, ...]:
+    pool = experiment.pool
+    networks: dict[str, tuple[Pool, Recipe]] = {BASE: (pool, pool.base_recipe())}
+    networks |= {name: (pool, pool.equal(name)) for name in pool.names}
+    networks |= {name: (result.pool, result.recipe) for name, result in runs.items()}
+    parts: dict[str, tuple[Measured, ...]] = {}
+    for owner in dict.fromkeys(own for own, _ in networks.values()):
+        recipes = {name: recipe for name, (own, recipe) in networks.items() if own is owner}
+        of_owner = [evaluator.with_pool(owner) for evaluator in evaluators]
+        made = measure_with(of_owner, recipes, validation=guided)
+        parts |= dict.fromkeys(recipes, made)
+    return tuple(
+        Measured(
+            benchmark=evaluator.benchmark.name,
+            protocol=evaluator.benchmark.protocol,
+            family=evaluator.benchmark.family,
+            metric=experiment.shown,
+            validation=evaluator.benchmark.name in guided,
+            images={name: parts[name][place].of(name) for name in networks},
+        )
+        for place, evaluator in enumerate(evaluators)
+    )
+
+
+def _compare(
+    experiment: Experiment,
+    measured: Sequence[Measured],
+    runs: Mapping[str, BaselineResult],
+    reference: str,
+) -> NetworkComparison:
+    """Base and methods; single sources have a table of their own."""
+    groups: dict[str, list[str]] = {}
+    for network, result in runs.items():
+        if network != result.label:
+            groups.setdefault(result.label, []).append(network)
+    shown = (BASE, *runs)
+    rows = [
+        Measured(
+            one.benchmark,
+            one.protocol,
+            one.family,
+            one.metric,
+            one.validation,
+            {name: one.images[name] for name in shown},
+        )
+        for one in measured
+    ]
+    return compare_networks(rows, reference, np.random.default_rng(experiment.seed), seeds=groups)
+
+
+def _best(runs: Mapping[str, BaselineResult]) -> str:
+    """The lowest score on validation, the earlier of a tie; oracles saw more and are no choice."""
+    able = [name for name, result in runs.items() if not result.oracle]
+    return min(able, key=lambda name: runs[name].score)
+
+
+def _verdict(found: Difference | None) -> str:
+    if found is None:
+        return "the reference"
+    if found.interval is None:
+        return f"no interval: {found.reason}"
+    word = "within noise" if found.within_noise else "better" if found.interval[1] < 0.0 else "worse"
+    return f"{word}, few images" if found.few else word
+
+
+def _mean(values: Iterable[float]) -> float:
+    listed = list(values)
+    return math.fsum(listed) / len(listed) if listed else math.nan
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, tuple):
+        return " + ".join(map(str, value))
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,140 @@
+"""The executive summary of a study: what to deploy, how sure, at what cost, in plain sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from sfkit.analysis.bootstrap import Difference
+from sfkit.analysis.labels import score_text
+from sfkit.analysis.study import BASE, Study
+from sfkit.baselines import BaselineResult
+
+
+def summary(study: Study) -> tuple[str, ...]:
+    """Sentences computed from a study's numbers, the most important first."""
+    return (
+        *_deploy(study),
+        *_how_sure(study),
+        *_others(study),
+        *_sources(study),
+        *_cost(study),
+    )
+
+
+def _deploy(study: Study) -> Iterator[str]:
+    result = study.result
+    guides = " and ".join(one.benchmark for one in study.measured if one.validation)
+    honest = sum(not other.oracle for other in study.runs.values())
+    yield (
+        f"**Deploy {study.chosen}**: {_content(result)}. Of {honest} networks that saw nothing but "
+        f"{guides} ({len(study.experiment.validation)} pairs) it scores best there, "
+        f"{score_text(study.metric, _guided(study))}."
+    )
+
+
+def _content(result: BaselineResult) -> str:
+    recipe = result.recipe
+    if not recipe.sources:
+        return "the base as it is"
+    shares = [sum(row[e] for row in recipe.weights) / len(recipe.weights) for e in range(len(recipe.sources))]
+    ranked = sorted(zip(recipe.sources, shares, strict=True), key=lambda pair: -pair[1])
+    parts = ", ".join(f"{name} {100 * share:.0f} %" for name, share in ranked if share >= 0.005)
+    return f"one network of the base's size and speed, mixed from {parts}"
+
+
+def _guided(study: Study) -> float:
+    scores = [one.score(study.chosen, metric=study.metric) for one in study.measured if one.validation]
+    return sum(scores) / len(scores)
+
+
+def _how_sure(study: Study) -> Iterator[str]:
+    if not study.unseen:
+        yield "No benchmark is left that guided nothing, so that nothing here is a test."
+        return
+    images = sum(len(one.ids) for one in study.unseen)
+    names = ", ".join(one.benchmark for one in study.unseen)
+    yield (
+        f"On what no method saw ({names}; {images} images) its mean is "
+        f"{score_text(study.metric, study.mean(study.chosen))}."
+    )
+    references = [name for name in (BASE, "uniform", "single best (validation)") if _known(study, name)]
+    against = study.differences(study.chosen, [name for name in references if name != study.chosen])
+    if against:
+        said = "; ".join(_plainly(difference) for difference in against)
+        yield f"There it is {said} (95 % intervals by paired bootstrap; the unit is the image)."
+    row = study.comparison.row(study.result.label)
+    if row.spread is not None:
+        yield f"Between seeds that mean moves little or much: {row.spread}."
+    gap, before = study.comparison.row(study.reference).gap, study.comparison.row(BASE).gap
+    if math.isfinite(gap) and math.isfinite(before):
+        unit = study.comparison.unit
+        yield (
+            f"From validation to the unseen benchmarks the mean changes by {gap:+.1f} {unit} for "
+            f"{study.reference} and by {before:+.1f} {unit} for the base."
+        )
+
+
+def _known(study: Study, name: str) -> bool:
+    return any(name in one.images for one in study.measured)
+
+
+def _plainly(difference: Difference) -> str:
+    if difference.interval is None:
+        return f"{difference.value:+.2f} {difference.unit} from {difference.reference} ({difference.reason})"
+    low, high = difference.interval
+    word = "within noise of" if difference.within_noise else "better than" if high < 0 else "worse than"
+    few = f", from only {min(difference.images)} image(s) a benchmark" if difference.few else ""
+    return (
+        f"{word} {difference.reference} ({difference.value:+.2f} {difference.unit}, "
+        f"{low:+.2f} to {high:+.2f}{few})"
+    )
+
+
+def _others(study: Study) -> Iterator[str]:
+    """Who is better or worse than the reference beyond noise."""
+    groups: dict[str, list[str]] = {"worse": [], "within noise": [], "better": []}
+    oracles = {result.label for result in study.runs.values() if result.oracle}
+    for row in study.comparison.rows:
+        found = row.difference
+        if row.network == study.reference or found is None or found.interval is None:
+            continue
+        low, _ = found.interval
+        word = "within noise" if found.within_noise else "worse" if low > 0 else "better"
+        groups[word].append(row.network + (" (which saw the test)" if row.network in oracles else ""))
+    parts = [f"{word}: {', '.join(names)}" for word, names in groups.items() if names]
+    if parts:
+        yield f"Against {study.reference} on the unseen benchmarks, {'; '.join(parts)}."
+    for row in study.comparison.rows:
+        if row.overfit and row.guided_difference is not None and row.unseen_difference is not None:
+            yield (
+                f"Warning: {row.network} is {_plainly(row.guided_difference)} on what guided it and "
+                f"{_plainly(row.unseen_difference)} on the unseen: it fits the validation images."
+            )
+
+
+def _sources(study: Study) -> Iterator[str]:
+    names = study.experiment.pool.names
+    means = {name: study.mean(name) for name in names}
+    base = study.mean(BASE)
+    helping = sum(mean < base for mean in means.values())
+    best = min(means, key=lambda name: means[name])
+    yield (
+        f"Alone, {helping} of the {len(names)} sources are better than the base "
+        f"({score_text(study.metric, base)}) on the unseen benchmarks; the best of them there is {best} "
+        f"({score_text(study.metric, means[best])}), which only the test itself could tell."
+    )
+
+
+def _cost(study: Study) -> Iterator[str]:
+    result = study.result
+    yield (
+        f"Finding it took {result.evaluations:,} evaluations, {result.image_passes:,} image pairs through "
+        f"the network and {_time(result.seconds)} of computing; the merged network costs what the base costs."
+    )
+
+
+def _time(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} minutes" if seconds < 7200 else f"{seconds / 3600:.1f} hours"

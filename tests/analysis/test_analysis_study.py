@@ -1,0 +1,126 @@
+"""The main comparison and its summary, on networks of one level, whose scores are known by hand."""
+
+from __future__ import annotations
+
+import pytest
+from flat_world import benchmark, flat_spec
+
+from sfkit import EvaluationStore, InputError, Recipe, open_pool
+from sfkit.analysis import Experiment, Study, environment, recipe_table, study, summary
+
+LEVELS = {"one": 1.0, "five": 5.0, "ten": 10.0}
+METHODS = ("single_best", "single_best_oracle", "uniform", "stage1", "stage1_2")
+
+
+@pytest.fixture(scope="module")
+def experiment(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    """Equal weights: {one, five} is 3, nearest to what guides; {one, ten} 5.5, {five, ten} 7.5, all 5.33."""
+    return Experiment(
+        pool=open_pool(flat_spec(tmp_path_factory.mktemp("pool"), LEVELS, base=4.5)),
+        validation=benchmark("guide", (3.1, 3.15), metric="epe"),
+        reported=(
+            benchmark("near", tuple(2.0 + n / 100 for n in range(12)), metric="epe"),
+            benchmark("far", tuple(1.2 + n / 100 for n in range(12)), metric="epe"),
+        ),
+        store=EvaluationStore(":memory:"),
+        population=16,
+        generations=2,
+        evaluations=20,
+    )
+
+
+@pytest.fixture(scope="module")
+def found(experiment: Experiment) -> Study:
+    return study(experiment, seeds=2, methods=METHODS)
+
+
+def test_rows_are_the_base_and_the_methods_and_seeds_are_one_row(found: Study) -> None:
+    table = found.table()
+    assert list(table.index) == [
+        *("base", "single best (validation)", "single best (oracle) †", "uniform", "Stage 1", "Stage 1+2")
+    ]
+    assert list(found.runs)[-4:] == [f"Stage {s}, seed {n}" for s in ("1", "1+2") for n in (0, 1)]
+    assert table["seeds ±"].notna().tolist() == [False] * 4 + [True] * 2
+    assert table.loc["Stage 1", "seeds ±"] == 0.0
+
+
+def test_scores_and_means_are_those_of_hand(found: Study) -> None:
+    table = found.table()
+    guide, near, far = table.columns[:3]
+    assert [guide.endswith("*"), near.endswith("*"), far.endswith("*")] == [True, False, False]
+    assert table.loc["base", [guide, near, far]].tolist() == pytest.approx([1.375, 2.445, 3.245], abs=1e-6)
+    level = (1 + 5 + 10) / 3
+    expected = [level - 3.125, level - 2.055, level - 1.255]
+    assert table.loc["uniform", [guide, near, far]].tolist() == pytest.approx(expected, abs=1e-5)
+    assert table.loc["Stage 1", guide] == pytest.approx(0.125)
+    mean = table["mean of unseen [px]"]
+    assert mean["base"] == pytest.approx((2.445 + 3.245) / 2, abs=1e-6)
+
+
+def test_the_network_to_deploy_is_the_one_validation_prefers(found: Study) -> None:
+    scores = {name: result.score for name, result in found.runs.items() if not result.oracle}
+    assert found.chosen == min(scores, key=lambda name: scores[name])
+    assert found.result.score < 0.125
+    assert found.chosen.startswith("Stage 1+2")
+
+
+def test_verdicts_follow_the_intervals(found: Study) -> None:
+    table = found.table()
+    mean = table["mean of unseen [px]"]
+    for name in ("base", "uniform"):
+        row = table.loc[name]
+        assert row["low"] - 1e-9 <= row.iloc[5] <= row["high"] + 1e-9
+        assert row.iloc[5] == pytest.approx(mean[name] - mean["Stage 1+2"])
+        assert row["verdict"] == "worse"  # all images of a benchmark move alike
+    assert table.loc["Stage 1+2", "verdict"] == "the reference"
+
+
+def test_the_summary_says_what_the_tables_say(found: Study) -> None:
+    said = " ".join(summary(found))
+    assert f"**Deploy {found.chosen}**" in said
+    assert "Of 6 networks that saw nothing but guide (2 pairs)" in said
+    assert "(near, far; 24 images)" in said
+    base, mine = found.mean("base"), found.mean(found.chosen)
+    assert f"better than base ({mine - base:+.2f} px" in said
+    assert "Alone, 1 of the 3 sources are better than the base" in said
+    assert "the best of them there is one (EPE 0.6" in said
+    assert f"{found.result.evaluations:,} evaluations, {found.result.image_passes:,} image pairs" in said
+    assert "over 2 seeds" in said
+
+
+def test_a_gain_on_validation_alone_is_called_what_it_is(experiment: Experiment) -> None:
+    far = benchmark("far", tuple(7.0 + n / 100 for n in range(12)), metric="epe")
+    apart = experiment.changed(reported=(far,))
+    said = " ".join(summary(study(apart, seeds=1, methods=["uniform", "stage1_2"], reference="uniform")))
+    assert "Warning: Stage 1+2 is" in said
+    assert "it fits the validation images" in said
+
+
+def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None:
+    costs = found.cost_table()
+    assert costs.loc["uniform", ["evaluations", "image passes"]].tolist() == [1, 2]
+    assert costs.loc["Stage 1", "evaluations"] == 4  # all subsets of two or more
+    sources = found.sources_table()
+    assert list(sources.index) == ["base", *LEVELS]
+    assert sources.loc["five", "guide *"] == pytest.approx(1.875)
+    assert sources.loc["five", "mean of the unseen"] == pytest.approx((2.945 + 3.745) / 2, abs=1e-6)
+    scores = found.scores()
+    assert scores.query("benchmark == 'near' and network == 'base'")["score"].item() == pytest.approx(2.445)
+
+
+def test_what_cannot_be_compared_is_refused(experiment: Experiment) -> None:
+    with pytest.raises(InputError, match="seeds: found 0"):
+        study(experiment, seeds=0)
+    with pytest.raises(InputError, match="reference: found 'ties', expected one of: uniform"):
+        study(experiment, seeds=1, methods=["uniform"], reference="ties")
+
+
+def test_the_environment_names_every_checkpoint_and_benchmark(experiment: Experiment) -> None:
+    facts = environment(experiment)["value"]
+    assert facts["source five"] == experiment.pool.sources[1].fingerprint[:12]
+    assert facts["benchmark far"].startswith("12 pairs, all-valid, ")
+
+
+def test_a_recipe_is_a_row_a_block() -> None:
+    table = recipe_table(Recipe.equal(["a", "b"], ["neck", "head"]))
+    assert table.to_dict("index") == {name: {"a": 0.5, "b": 0.5, "scale": 1.0} for name in ("neck", "head")}
