@@ -5,27 +5,38 @@ that read on a light page, a dark one, or both.
 """
 
 from sfkit.figures.ablations import population_sizes_figure
+from sfkit.figures.benchmark_comparisons import benchmark_comparison_figure
 from sfkit.figures.comparisons import comparison_figure
 from sfkit.figures.costs import cost_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
+from sfkit.figures.geometries import geometry_figure
+from sfkit.figures.interpolations import interpolation_figure
 from sfkit.figures.populations import population_figure
+from sfkit.figures.probes import probes_figure, selection_figure
 from sfkit.figures.routings import routing_figure, scales_figure
 from sfkit.figures.scores import scores_figure
+from sfkit.figures.similarities import similarity_figure
 from sfkit.figures.theme import Theme, template
 
 __all__ = [
     "Theme",
     "advantage_figure",
+    "benchmark_comparison_figure",
     "cmaes_figure",
     "comparison_figure",
     "cost_figure",
     "disparity_figure",
+    "geometry_figure",
+    "interpolation_figure",
     "population_figure",
     "population_sizes_figure",
+    "probes_figure",
     "routing_figure",
     "scales_figure",
     "scores_figure",
+    "selection_figure",
+    "similarity_figure",
     "template",
 ]

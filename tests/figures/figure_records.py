@@ -9,8 +9,20 @@ import numpy as np
 import plotly.graph_objects as go
 
 from sfkit import figures
-from sfkit.analysis.bootstrap import Difference
-from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
+from sfkit.analysis import (
+    BlockProbes,
+    ComparedNetwork,
+    DataSimilarity,
+    Difference,
+    InterpolationCurve,
+    Measured,
+    NetworkComparison,
+    RegionScores,
+    SelectionStatistics,
+    TaskVectorGeometry,
+    compare_networks,
+    selection_statistics,
+)
 from sfkit.analysis.costs import StageCost
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
@@ -18,6 +30,8 @@ from sfkit.analysis.growth import PopulationSizes
 from sfkit.analysis.populations import Individual, PopulationHistory, summarise
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
+from sfkit.evaluation.metrics import ImageErrors, RegionErrors
+from sfkit.merging import Recipe
 
 
 def population() -> PopulationHistory:
@@ -109,10 +123,99 @@ def versus() -> AdvantagePanels:
     return advantage_panels(panels(), "fine", "<i>broken</i>")
 
 
+def compared() -> NetworkComparison:
+    """The base, one better beyond noise, one within it, one that failed on the test."""
+    spread = [10, 40, 25, 60, 30, 55, 20, 45, 35, 50, 15, 33]
+
+    def counts(shift: int, wobble: int = 0) -> tuple[ImageErrors, ...]:
+        bad = [b + shift + (wobble if n % 2 else -wobble) for n, b in enumerate(spread)]
+        return tuple(
+            ImageErrors(str(n), (3.0,), 0, {"all": RegionErrors(100, 0.0, (b,), b)})
+            for n, b in enumerate(bad)
+        )
+
+    guide = {"base": counts(0), "better": counts(-5, 2), "same": counts(0, 9), "broken": counts(3)}
+    test = {"base": counts(0), "better": counts(-2, 1), "same": counts(1, 5), "broken": ()}
+    measured = [
+        Measured("guide", "all-valid", "pairs", "bad-3.0", True, guide),
+        Measured("test <b>", "all-valid", "pairs", "bad-3.0", False, test),
+        Measured("other", "all-valid", "pairs", "bad-3.0", False, {n: e[:1] for n, e in test.items()}),
+    ]
+    return compare_networks(measured, "base", np.random.default_rng(0))
+
+
+def curves() -> tuple[InterpolationCurve, ...]:
+    at = np.linspace(0.0, 1.0, 5)
+    made = []
+    for number, name in enumerate(("a", "<b>")):
+        for benchmark in ("guide", "test"):
+            scores = 20.0 + 8.0 * (at - 0.3 * (number + 1)) ** 2
+            scores[2] = math.nan if (number, benchmark) == (1, "test") else scores[2]
+            made.append(InterpolationCurve(name, benchmark, "bad-3.0", "%", benchmark == "guide", at, scores))
+    return tuple(made)
+
+
+def geometry() -> TaskVectorGeometry:
+    rng = np.random.default_rng(0)
+    vectors = rng.normal(size=(3, 3, 50)) + 0.3
+    vectors[2, 2] = 0.0
+    products = np.einsum("ben,bfn->bef", vectors, vectors)
+    conflicts, pairs = np.array([0.5, 0.6, 0.2]), np.full((3, 3), 0.4)
+    norms = np.linalg.norm(vectors, axis=2)
+    sizes = np.array([50, 50, 50])
+    names, blocks = ("a", "b", "c"), ("one", "two", "(outside)")
+    return TaskVectorGeometry(names, blocks, sizes, norms, np.ones(3) * 40, products, conflicts, pairs)
+
+
+def probes() -> BlockProbes:
+    def one(value: float, interval: tuple[float, float] | None) -> Difference:
+        return Difference("probe", "mean", ("world",), (12,), "%", value, interval)
+
+    rows = (
+        (one(-2.0, (-3.0, -1.0)), one(0.4, (-0.2, 1.0)), one(math.nan, None)),
+        (one(1.5, (1.0, 2.0)), one(-0.3, (-0.9, 0.3)), one(0.2, (0.1, 0.3))),
+    )
+    return BlockProbes(("one", "two"), ("a", "b", "c"), "world", "bad-3.0", "%", False, 21.0, rows)
+
+
+def selection() -> SelectionStatistics:
+    blocks = ("one", "two")
+    recipes = {
+        "guide, seed 0": Recipe(("a", "b"), blocks, ((0.3, 0.7), (0.5, 0.5)), (1.0, 1.0)),
+        "guide, seed 1": Recipe.equal(["b"], blocks),
+        "other, seed 0": Recipe.equal(["a", "b", "c"], blocks),
+    }
+    groups = {run: run.partition(",")[0] for run in recipes}
+    return selection_statistics(recipes, ("a", "b", "c", "d"), groups=groups)
+
+
+def similarities() -> tuple[DataSimilarity, ...]:
+    distances = np.array([[0.0, 2.0], [1.0, 0.5], [3.0, 1.0]])
+    return tuple(
+        DataSimilarity(cue, ("a", "b", "c"), ("guide", "test"), distances + n)
+        for n, cue in enumerate(("feature", "rgb", "disparity"))
+    )
+
+
+def regions() -> RegionScores:
+    values = np.array([[20.0, 15.0, 60.0], [18.0, 14.0, math.nan]])
+    names = ("all", "visible", "textureless")
+    return RegionScores(
+        "world", "all-valid", "bad-3.0", ("base", "a"), names, np.array([100.0, 90.0, 12.0]), values
+    )
+
+
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
     "population sizes": lambda theme: figures.population_sizes_figure(sizes(), theme=theme),
     "comparison": lambda theme: figures.comparison_figure(comparison(), theme=theme),
+    "comparison by benchmark": lambda theme: figures.benchmark_comparison_figure(compared(), theme=theme),
+    "interpolation": lambda theme: figures.interpolation_figure(curves(), theme=theme),
+    "geometry": lambda theme: figures.geometry_figure(geometry(), theme=theme),
+    "probes": lambda theme: figures.probes_figure(probes(), theme=theme),
+    "selection": lambda theme: figures.selection_figure(selection(), theme=theme),
+    "similarity": lambda theme: figures.similarity_figure(similarities(), theme=theme),
+    "regions": lambda theme: figures.scores_figure(regions().grid(), theme=theme),
     "routing": lambda theme: figures.routing_figure(trace(), theme=theme),
     "routing by block": lambda theme: figures.routing_figure(trace(tied=False), theme=theme),
     "scales": lambda theme: figures.scales_figure(trace(), theme=theme),

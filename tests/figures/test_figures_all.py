@@ -16,7 +16,7 @@ from sfkit import figures
 from sfkit.analysis.thinning import LIMIT
 from sfkit.errors import InputError
 
-WITHOUT_UNIT = {"source", "network", "stage"}
+WITHOUT_UNIT = {"source", "network", "stage", "block", "run", "target"}
 THEMES = ["light", "dark", "auto"]
 
 

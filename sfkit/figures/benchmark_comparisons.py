@@ -1,0 +1,147 @@
+"""Which network is better beyond noise, and where? Differences with their intervals, a panel a benchmark."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from html import escape
+
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from sfkit.analysis.bootstrap import Difference
+from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
+from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
+
+ROW = 22
+"""Height of one network's line in pixels."""
+
+PANELS_A_ROW = 3
+
+
+def benchmark_comparison_figure(
+    comparison: NetworkComparison, *, theme: str = "auto", height: int | None = None
+) -> go.Figure:
+    """Draw each network's difference to the reference with its interval, a panel a benchmark.
+
+    The first panel is the mean over the benchmarks that guided no search, where there are several.
+
+    Args:
+        comparison: from :func:`~sfkit.analysis.comparisons.compare_networks`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        height: of the figure in pixels; by the number of networks and benchmarks unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    rows = [row for row in comparison.rows if row.network != comparison.reference]
+    panels = _panels(comparison, rows)
+    across = min(PANELS_A_ROW, len(panels))
+    down = -(-len(panels) // across)
+    each = ROW * max(len(rows), 2) + 60
+    figure = make_subplots(
+        rows=down,
+        cols=across,
+        shared_yaxes=True,
+        horizontal_spacing=0.03,
+        vertical_spacing=min(0.28, 60 / (each * down)) if down > 1 else 0.0,
+        subplot_titles=[title for title, _ in panels],
+    )
+    muted = LOOKS[read_theme(theme)].muted
+    for number, (_, differences) in enumerate(panels):
+        row, col = divmod(number, across)
+        _panel(figure, differences, muted, row + 1, col + 1)
+    names = [row.network for row in rows]
+    figure.update_yaxes(type="category", categoryorder="array", categoryarray=names, autorange="reversed")
+    figure.update_yaxes(title_text="network", col=1)
+    unit = "percentage points" if comparison.unit == "%" else "px"
+    for number in range(max(0, len(panels) - across), len(panels)):  # the lowest panel of each column
+        row, col = divmod(number, across)
+        figure.update_xaxes(title_text=f"difference ({unit})", row=row + 1, col=col + 1)
+    figure.update_annotations(font_size=12)
+    return finish(
+        figure,
+        theme=theme,
+        title=f"Where is which network better than {escape(comparison.reference)}, beyond noise?",
+        subtitle=_answer(rows, comparison),
+        height=height or each * down + 110,
+        showlegend=False,
+        margin={"b": 50},
+    )
+
+
+def _panels(
+    comparison: NetworkComparison, rows: Sequence[ComparedNetwork]
+) -> list[tuple[str, list[Difference]]]:
+    panels = []
+    if sum(not column.validation for column in comparison.columns) > 1:
+        panels.append(("mean of the unseen", [r.unseen_difference for r in rows if r.unseen_difference]))
+    for number, column in enumerate(comparison.columns):
+        mark = " *" if column.validation else ""
+        title = f"{escape(column.benchmark)}{mark}, {column.metric}"
+        panels.append((title, [row.differences[number] for row in rows]))
+    return panels
+
+
+def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row: int, col: int) -> None:
+    drawn = [d for d in differences if math.isfinite(d.value)]
+    ends = [d.interval or (d.value, d.value) for d in drawn]
+    colours = [_colour(d, muted) for d in drawn]
+    for difference, (low, high), colour in zip(drawn, ends, colours, strict=True):
+        figure.add_trace(
+            go.Scatter(
+                x=[low, high],
+                y=[difference.network] * 2,
+                mode="lines",
+                line={"color": colour, "width": 3},
+                hoverinfo="skip",
+                name="interval",
+            ),
+            row=row,
+            col=col,
+        )
+    figure.add_trace(
+        go.Scatter(
+            x=[d.value for d in drawn],
+            y=[d.network for d in drawn],
+            mode="markers",
+            marker={
+                "size": 9,
+                "symbol": [_symbol(d) for d in drawn],
+                "color": colours,
+                "line": {"width": 2, "color": colours},
+            },
+            text=[escape(str(d)) for d in drawn],
+            hovertemplate="%{y}: %{text}<extra></extra>",
+            name="difference",
+        ),
+        row=row,
+        col=col,
+    )
+    reach = [end for pair in ends for end in pair]
+    low, high = min([0.0, *reach]), max([0.0, *reach])
+    margin = 0.06 * (high - low) or 1.0
+    figure.update_xaxes(range=[low - margin, high + margin], row=row, col=col)
+    figure.add_vline(x=0.0, line={"color": muted, "width": 1}, layer="below", row=row, col=col)
+
+
+def _colour(difference: Difference, muted: str) -> str:
+    if difference.within_noise is not False:
+        return muted
+    return ACCENT if difference.value < 0.0 else WARM
+
+
+def _symbol(difference: Difference) -> str:
+    if difference.interval is None:
+        return "x-thin"
+    return "circle-open" if difference.within_noise else "circle"
+
+
+def _answer(rows: Sequence[ComparedNetwork], comparison: NetworkComparison) -> str:
+    told = [row.difference for row in rows if row.difference and row.difference.within_noise is not None]
+    better = sum(d.within_noise is False and d.value < 0.0 for d in told)
+    guided = "; * guided a search" if any(column.validation for column in comparison.columns) else ""
+    return (
+        f"left is better; {better} of {len(rows)} are, by 95 % intervals over images; open: within noise, "
+        f"×: no interval{guided}"
+    )
