@@ -71,8 +71,7 @@ class Difference:
             return f"at {self.value:+.2f} {self.unit} against {self.reference}, no interval: {self.reason}"
         low, high = self.interval
         word = "within noise of" if self.within_noise else "better than" if high < 0.0 else "worse than"
-        doubt = f"; only {min(self.images)} images, likely too narrow" if self.few else ""
-        return f"{word} {self.reference}: {self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.unit}{doubt}"
+        return f"{word} {self.reference}: {self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.unit}"
 
 
 @dataclass(frozen=True)

@@ -137,8 +137,10 @@ class NetworkComparison:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Every row in words."""
-        return tuple(sentence for row in self.rows for sentence in row.sentences)
+        """Every row in words, and a doubt where intervals come from few images."""
+        few = [d for row in self.rows if (d := row.difference) is not None and d.few]
+        doubt = [f"Intervals from only {min(few[0].images)} images are likely too narrow."] if few else []
+        return (*(sentence for row in self.rows for sentence in row.sentences), *doubt)
 
     def table(self) -> pd.DataFrame:
         """A row a network: scores, means, the gap, the difference with its interval, the verdict.

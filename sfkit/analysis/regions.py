@@ -58,7 +58,8 @@ class RegionScores:
     def grid(self) -> ScoreGrid:
         """A column a region, for :func:`sfkit.figures.scores_figure`."""
         unit = Metric.parse(self.metric).unit
-        labels = [f"{r}, {s:.1f} % of pixels" for r, s in zip(self.regions, self.shares, strict=True)]
+        shares = [f"{share:.1f}" if share >= 1.0 else f"{share:.1g}" for share in self.shares]
+        labels = [f"{r}, {share} % of pixels" for r, share in zip(self.regions, shares, strict=True)]
         columns = tuple(ScoreColumn(label, self.metric, unit, validation=False) for label in labels)
         return ScoreGrid(self.networks, columns, self.values)
 

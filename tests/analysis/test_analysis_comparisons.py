@@ -78,6 +78,13 @@ def test_without_unseen_benchmarks_the_sentence_says_that_it_is_no_test() -> Non
     assert row.sentences[0].endswith("% (on what guided the search, no test).")
 
 
+def test_intervals_from_few_images_are_doubted_once() -> None:
+    few = [measured({"base": [20, 30], "a": [10, 25], "b": [30, 20]})]
+    sentences = compare_networks(few, "base", rng()).sentences
+    assert sentences[-1] == "Intervals from only 2 images are likely too narrow."
+    assert len(sentences) == 3
+
+
 def test_rows_that_cannot_be_are_refused() -> None:
     with pytest.raises(InputError, match="found no row 'bass'"):
         compare_networks(three(), "bass", rng())
