@@ -49,6 +49,10 @@ screenshots: $(INSTALLED) ## pictures of the widgets, light and dark, for the RE
 bench: $(PEERS) ## measure speed and searches beside mergekit, pymoo and DEAP
 	env -u OMP_NUM_THREADS .venv-peers/bin/python benchmarks/merging.py
 
+evidence: $(INSTALLED) ## compare plain and guarded Stage 2, hours; goes on where it was
+	$(BIN)/python benchmarks/evidence.py
+	$(BIN)/python benchmarks/results.py evidence
+
 clean: ## remove caches and build results, but not .venv
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +

@@ -25,6 +25,7 @@ GUIDES = {
     "folds": ("eth3d", "cones", "motorcycle", "reindeer"),
 }
 """Name of a comparison -> the benchmarks, of one pair each, that guide both stages."""
+PAIRS = ("eth3d", "kitti2012", *CODINGS)
 
 
 def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:

@@ -23,11 +23,13 @@ from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_pa
 from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.export import export_table
 from sfkit.analysis.features import BlockOutputs, block_modules
+from sfkit.analysis.generalisation import Trial, run_trials
 from sfkit.analysis.geometry import TaskVectorGeometry, task_vector_geometry
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
 from sfkit.analysis.marking import latex_table, markdown_table, ranks, source_table, styled
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
+from sfkit.analysis.overfit import HoldoutCheck, LearningCurve, holdout_check, learning_curve
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
@@ -53,7 +55,9 @@ __all__ = [
     "Difference",
     "DisparityPanels",
     "Experiment",
+    "HoldoutCheck",
     "InterpolationCurve",
+    "LearningCurve",
     "Measured",
     "MethodCost",
     "NetworkComparison",
@@ -69,6 +73,7 @@ __all__ = [
     "StageCost",
     "Study",
     "TaskVectorGeometry",
+    "Trial",
     "advantage",
     "advantage_panels",
     "advantage_table",
@@ -83,9 +88,11 @@ __all__ = [
     "export_table",
     "fitness_metrics",
     "growth",
+    "holdout_check",
     "interpolated",
     "interpolation_curves",
     "latex_table",
+    "learning_curve",
     "markdown_table",
     "measure_recipes",
     "measure_with",
@@ -102,6 +109,7 @@ __all__ = [
     "recipe_table",
     "region_scores",
     "routing_trace",
+    "run_trials",
     "score_grid",
     "seed_spread",
     "selection_statistics",

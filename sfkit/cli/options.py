@@ -16,7 +16,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.saving import read_recipe
-from sfkit.places import BANK, open_benchmark, open_pool
+from sfkit.places import BANK, open_benchmark, open_benchmarks, open_pool
 from sfkit.search import subset_of, transfer
 
 Made = TypeVar("Made")
@@ -93,6 +93,28 @@ def benchmark_of(
     benchmark = open_benchmark(
         name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv, coding=coding
     )
+    benchmark.ensure_scorable()
+    return benchmark
+
+
+def also_benchmark(text: str, metric: str) -> Benchmark:
+    """A further benchmark as ``--also`` names it: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``.
+
+    Args:
+        text: the option.
+        metric: what it is measured by unless it names a metric itself.
+
+    Raises:
+        InputError: as :func:`sfkit.places.open_benchmarks`, or an entry that is no ``key=value``.
+    """
+    name, *entries = names(text)
+    values: dict[str, Any] = {"name": name, "metric": metric}
+    for entry in entries:
+        key, equals, value = (piece.strip() for piece in entry.partition("="))
+        if not equals:
+            raise InputError(f"--also: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
+        values[key] = int(value) if key == "pairs" and value.isdecimal() else value
+    (benchmark,) = open_benchmarks([values])
     benchmark.ensure_scorable()
     return benchmark
 
@@ -195,9 +217,9 @@ def store_of(path: Path | None) -> EvaluationStore:
     return EvaluationStore(path if path is not None else ":memory:")
 
 
-def pool_of(path: str) -> Pool:
-    """Open a pool; every error names a file."""
-    return _named(path, lambda: open_pool(path))
+def pool_of(path: str, blocks: str | None = None) -> Pool:
+    """Open a pool, under its own partition or one made from the network; every error names a file."""
+    return _named(path, lambda: open_pool(path, blocks=blocks))
 
 
 def _named(path: str | Path, make: Callable[[], Made]) -> Made:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from sfkit.analysis.overfit import holdout_check
 from sfkit.cli.options import (
     BenchmarkOption,
     CodingOption,
@@ -24,6 +26,7 @@ from sfkit.cli.options import (
     SubsetFromOption,
     SubsetOption,
     WorkersOption,
+    also_benchmark,
     benchmark_of,
     device_of,
     emit,
@@ -33,8 +36,9 @@ from sfkit.cli.options import (
     source_names,
 )
 from sfkit.cli.outputs import check_folder, check_store
+from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError
-from sfkit.evaluation import EvaluationStore, Evaluator
+from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator
 from sfkit.evaluation.engines import check_engine
 from sfkit.inspection import recipe_lines
 from sfkit.merging.saving import read_recipe
@@ -63,6 +67,28 @@ def search(
         bool, typer.Option("--block-specific", help="Stage 2: routing weights of their own for every block.")
     ] = False,
     entropy: Annotated[float, typer.Option(help="Stage 2: weight of the entropy penalty.")] = 0.0,
+    rank: Annotated[
+        int | None,
+        typer.Option(help="Stage 2: rank of low-rank routing, between tied and block-specific."),
+    ] = None,
+    holdout: Annotated[
+        float,
+        typer.Option(help="Stage 2: choose on held-out pairs: a share such as 0.5, or folds such as 4."),
+    ] = 0.0,
+    shrinkage: Annotated[
+        float, typer.Option(help="Stage 2: pull towards Stage 1, in shares of its score.")
+    ] = 0.0,
+    also: Annotated[
+        list[str] | None,
+        typer.Option(help="Validate on a further benchmark, NAME,root=FOLDER,protocol=..., or several."),
+    ] = None,
+    combine: Annotated[
+        str, typer.Option(help="With --also: guided by the mean or the worst of them.")
+    ] = "mean",
+    blocks: Annotated[
+        str | None,
+        typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
+    ] = None,
     include: Annotated[str | None, typer.Option(help="Sources that must take part: a,b.")] = None,
     exclude: Annotated[str | None, typer.Option(help="Sources that must not take part: a,b.")] = None,
     largest: Annotated[int | None, typer.Option(help="The most sources a subset may have.")] = None,
@@ -85,35 +111,56 @@ def search(
     Examples:
       sfkit search pool.toml -b eth3d -r ~/ETH3D -o runs/garage
       sfkit search pool.toml -b pairs -r ~/pairs --subset a,b --evaluations 200
+      sfkit search pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst --holdout 0.5
     """
     plan = Plan(
         subset=_subset(subset, subset_from),
         stage1=SubsetSettings(population=population, generations=generations, seed=seed),
         stage2=None
         if evaluations == 0
-        else RoutingSettings(evaluations=evaluations, seed=seed, tied=not block_specific, entropy=entropy),
+        else RoutingSettings(
+            evaluations=evaluations,
+            seed=seed,
+            tied=not block_specific and rank is None,
+            rank=rank,
+            entropy=entropy,
+            holdout=holdout,
+            shrinkage=shrinkage,
+        ),
         constraints=Constraints(names(include or ""), names(exclude or ""), largest, names(frozen or "")),
         start=read_recipe(start) if start is not None else None,
     )
     place = device_of(device)
     check_engine(engine, workers)
+    if combine not in ("mean", "worst"):
+        raise InputError(f"--combine: found {combine!r}, expected mean or worst")
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    guides = [chosen, *(also_benchmark(text, chosen.metric) for text in also or ())]
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)
-    opened = pool_of(pool)
+    opened = pool_of(pool, blocks)
     plan.check(opened)
-    prepared = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
-    with EvaluationStore(kept_in) as kept, prepared.with_store(kept) as evaluator:
+    prepared = [Evaluator(opened, guide, device=place, engine=engine, workers=workers) for guide in guides]
+    with EvaluationStore(kept_in) as kept, ExitStack() as stack:
+        evaluators = [stack.enter_context(one.with_store(kept)) for one in prepared]
+        scorer = CombinedScorer(evaluators, combine) if also else evaluators[0]
         say(f"{opened!r}")
-        say(f"validation: {chosen.name} ({chosen.coverage}), {evaluator.metric}, protocol {chosen.protocol}")
-        say(f"engine: {evaluator.engine.describe()}")
-        say(f"cost: {cost(opened, [evaluator], plan)}")
+        for one in evaluators:
+            guide = one.benchmark
+            say(f"validation: {guide.name} ({guide.coverage}), {one.metric}, protocol {guide.protocol}")
+        say(f"engine: {evaluators[0].engine.describe()}")
+        say(f"cost: {cost(opened, evaluators, plan)}")
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
-        found = search_pool(opened, evaluator, plan, out, progress=_progress)
-    counts, metric_name = vars(evaluator.counts), str(evaluator.metric)
+        found = search_pool(opened, scorer, plan, out, progress=_progress)
+    counts = {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
+    metric_name = str(evaluators[0].metric)
+    check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)
     document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
-    emit(document, _text(found, evaluator), as_json=json)
+    document |= {"validation": [guide.name for guide in guides], "combine": combine if also else None}
+    document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
+    text = _text(found, evaluators[0].metric)
+    emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
 
 
 def _check_outputs(out: Path, store: Path) -> None:
@@ -140,9 +187,9 @@ def _progress(stage: str, generation: Generation[Any]) -> None:
     say(f"{stage}, generation {generation.number}: best {score}; {done}")
 
 
-def _text(found: Found, evaluator: Evaluator) -> str:
-    unit = evaluator.metric.unit
-    lines = [f"best {evaluator.metric}: {found.score:.4f} {unit}"]
+def _text(found: Found, metric: Metric) -> str:
+    unit = metric.unit
+    lines = [f"best {metric}: {found.score:.4f} {unit}"]
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):
         if best is not None:
             lines.append(f"  {stage}: {best.score:.4f} {unit}  {', '.join(best.subset)}")

@@ -13,6 +13,7 @@ from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
 from sfkit.figures.geometries import geometry_figure
 from sfkit.figures.interpolations import interpolation_figure
+from sfkit.figures.learning import learning_figure
 from sfkit.figures.populations import population_figure
 from sfkit.figures.probes import probes_figure, selection_figure
 from sfkit.figures.routings import routing_figure, scales_figure
@@ -30,6 +31,7 @@ __all__ = [
     "disparity_figure",
     "geometry_figure",
     "interpolation_figure",
+    "learning_figure",
     "population_figure",
     "population_sizes_figure",
     "probes_figure",

@@ -114,6 +114,7 @@ class Found:
         stage2: Stage 2's best; None where it was left out.
         merged: the merged network's file.
         folder: where journal, tables and recipe lie.
+        routing: the finished search of Stage 2; None where it was left out.
     """
 
     recipe: Recipe
@@ -122,6 +123,7 @@ class Found:
     stage2: RoutingCandidate | None
     merged: Path
     folder: Path
+    routing: RoutingSearch | None = None
 
 
 def search_pool(
@@ -147,6 +149,7 @@ def search_pool(
     folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(folder / "journal.jsonl")
     subset, first, second = plan.subset, None, None
+    stage2: RoutingSearch | None = None
     if subset is None:
         stage1 = plan.subset_search(pool, scorer, journal)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
@@ -162,7 +165,7 @@ def search_pool(
         raise InputError("the plan has neither stage, expected something to search")
     (folder / "recipe.json").write_text(pool.signed(best.recipe).to_json(), encoding="utf-8")
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
-    found = Found(best.recipe, best.score, first, second, merged, folder)
+    found = Found(best.recipe, best.score, first, second, merged, folder, stage2)
     (folder / "result.json").write_text(json.dumps(summary(pool, found), indent=2), encoding="utf-8")
     return found
 

@@ -164,6 +164,21 @@ def test_search(shell: Shell, world: Path) -> None:
     assert f"best epe: {document['score']:.4f} px" in text
 
 
+def test_search_guarded_on_two_benchmarks(shell: Shell, world: Path) -> None:
+    write_pairs(world / "more", 3)
+    guards = "--also pairs,root=more --holdout 0.4 --shrinkage 0.01 --blocks modules:3 --rank 1"
+    line = f"search pool {PAIRS} {guards} --subset kitti,driving --evaluations 8 -o new --yes"
+    document = shell.json(line)
+    assert (document["validation"], document["combine"]) == (["pairs", "more"], "mean")
+    assert document["recipe"]["blocks"] == ["part1", "part2", "part3"]
+    check = document["holdout"]
+    assert (check["folds"], check["metric"]) == (1, "epe")
+    assert check["chosen"] <= 0.0, "chosen on the held-out pairs"
+    text, progress = shell(line)
+    assert "validation: more (3 pairs), epe" in progress
+    assert "pairs that guide" in text
+
+
 def test_predict(shell: Shell, world: Path) -> None:
     shell("merge pool --uniform -o merged.safetensors")
     images = "-l pairs/pair0/left.png -r pairs/pair0/right.png"

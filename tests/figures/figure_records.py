@@ -27,6 +27,7 @@ from sfkit.analysis.costs import StageCost
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.growth import PopulationSizes
+from sfkit.analysis.overfit import LearningCurve
 from sfkit.analysis.populations import Individual, PopulationHistory, summarise
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
@@ -99,6 +100,16 @@ def comparison() -> NetworkComparison:
         one = Difference(name, "merged", ("test",), (12,), "%", value, interval, reason="one image")
         rows.append(ComparedNetwork(name, (10.0 + value,), math.nan, 10.0 + value, unseen_difference=one))
     return NetworkComparison("merged", (), tuple(rows), "%")
+
+
+def curve(along: str = "pairs") -> LearningCurve:
+    unseen = np.array([[0.5, -0.5, -1.0], [0.1, math.nan, -0.4]])
+    validation = np.array([[-3.0, -1.5, -1.0], [-1.0, math.nan, math.nan]])
+    runs = np.array([[3, 3, 1], [2, 0, 1]])
+    names = ("plain", "<b>guarded</b>")
+    return LearningCurve(
+        along, names, (2, 5, 10), unseen, unseen - 0.2, unseen + 0.3, validation, runs, "bad-3.0"
+    )
 
 
 def panels(height: int = 20, width: int = 40) -> DisparityPanels:
@@ -221,6 +232,8 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "scales": lambda theme: figures.scales_figure(trace(), theme=theme),
     "cmaes": lambda theme: figures.cmaes_figure(trace(), theme=theme),
     "scores": lambda theme: figures.scores_figure(grid(), theme=theme),
+    "learning by pairs": lambda theme: figures.learning_figure(curve(), theme=theme),
+    "learning by evaluations": lambda theme: figures.learning_figure(curve("evaluations"), theme=theme),
     "cost": lambda theme: figures.cost_figure(costs(), theme=theme),
     "advantage": lambda theme: figures.advantage_figure(versus(), theme=theme),
     "disparity": lambda theme: figures.disparity_figure(panels(), theme=theme),
