@@ -29,6 +29,7 @@ from sfkit.evaluation import (
     estimate,
     pivot,
     score_recipes,
+    validation_scorer,
 )
 from sfkit.merging import LiveModel, Pool, Recipe, routed
 from sfkit.merging.network import load_network
@@ -96,4 +97,5 @@ __all__ = [
     "save_merged",
     "score_recipes",
     "transfer",
+    "validation_scorer",
 ]

@@ -29,7 +29,13 @@ from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
 from sfkit.analysis.marking import latex_table, markdown_table, ranks, source_table, styled
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
-from sfkit.analysis.overfit import HoldoutCheck, LearningCurve, holdout_check, learning_curve
+from sfkit.analysis.overfit import (
+    HoldoutCheck,
+    LearningCurve,
+    holdout_check,
+    holdout_sentence,
+    learning_curve,
+)
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
@@ -89,6 +95,7 @@ __all__ = [
     "fitness_metrics",
     "growth",
     "holdout_check",
+    "holdout_sentence",
     "interpolated",
     "interpolation_curves",
     "latex_table",

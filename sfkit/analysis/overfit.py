@@ -82,6 +82,16 @@ def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> Holdou
     return HoldoutCheck(guiding, held, chosen, search.folds, metric)
 
 
+def holdout_sentence(search: RoutingSearch, *, metric: str | None = None) -> str:
+    """What :func:`holdout_check` says of a search, or that no pair was held out from it."""
+    check = holdout_check(search, metric=metric)
+    if check is not None:
+        return check.sentence
+    return (
+        "No validation pair was held out: whether Stage 2's gain is the task's or these pairs' is not known."
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class LearningCurve:
     """Unseen against validation score, along the number of validation pairs or of evaluations.

@@ -5,6 +5,7 @@ from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.evaluation.store import Evaluation, EvaluationStore
 from sfkit.evaluation.table import pivot, score_recipes
+from sfkit.evaluation.validation import validation_scorer
 
 __all__ = [
     "CombinedScorer",
@@ -17,4 +18,5 @@ __all__ = [
     "estimate",
     "pivot",
     "score_recipes",
+    "validation_scorer",
 ]

@@ -6,7 +6,8 @@ import resource
 import sys
 from dataclasses import dataclass
 
-from sfkit.evaluation.evaluator import Evaluator
+from sfkit.errors import InputError
+from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
 from sfkit.merging.recipe import Recipe
 
 
@@ -43,11 +44,24 @@ class Estimate:
         )
 
 
-def estimate(evaluator: Evaluator, recipe: Recipe, evaluations: int) -> Estimate:
-    """Time one evaluation of ``recipe`` (it is stored, so a search never repeats it)."""
-    outcome = evaluator([recipe])[0]
-    images, workers = len(evaluator.benchmark), evaluator.engine.workers
-    return Estimate(evaluations, outcome.seconds, peak_memory(), images, workers)
+def estimate(scorer: Evaluator | CombinedScorer, recipe: Recipe, evaluations: int) -> Estimate:
+    """Time one evaluation of ``recipe`` (it is stored, so a search never repeats it).
+
+    Of several benchmarks seconds and pairs are summed.
+
+    Raises:
+        InputError: a combination of scorers that are no evaluators, which tell no number of pairs.
+    """
+    evaluators = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
+    known = [evaluator for evaluator in evaluators if isinstance(evaluator, Evaluator)]
+    if len(known) < len(evaluators):
+        raise InputError(
+            "estimate: found a scorer that is no Evaluator, expected evaluators, which know pairs"
+        )
+    seconds = sum(evaluator([recipe])[0].seconds for evaluator in known)
+    images = sum(len(evaluator.benchmark) for evaluator in known)
+    workers = min(evaluator.engine.workers for evaluator in known)
+    return Estimate(evaluations, seconds, peak_memory(), images, workers)
 
 
 def peak_memory() -> int:
