@@ -109,6 +109,7 @@ def test_the_report_says_what_guided_the_search(finished: Finished) -> None:
     assert "The search sees eth3d only; no pair of it is in the benchmarks reported as a test." in printed
     assert "('anynet'," in printed
     assert "'tiny'" in printed
+    assert "No validation pair was held out" in printed
 
 
 def test_a_test_on_validation_pairs_needs_an_explicit_word(real_data: Path, tmp_path: Path) -> None:
@@ -116,3 +117,20 @@ def test_a_test_on_validation_pairs_needs_an_explicit_word(real_data: Path, tmp_
     with pytest.raises(ReportError, match="found playground among the pairs that guide the search"):
         report(NOTEBOOK, parameters(real_data, tmp_path, report_on=again), tmp_path / "report.html")
     assert not (tmp_path / "evaluations.sqlite").exists()
+
+
+def test_four_data_sets_can_guide_and_each_be_left_out_once(real_data: Path, tmp_path: Path) -> None:
+    codings = {"cones": "png8:4", "motorcycle": "npz:arr_0", "reindeer": "png8:2"}
+    guides = [
+        {"name": "pairs", "root": str(real_data / "pairs" / n), "coding": c} for n, c in codings.items()
+    ]
+    kitti = [{"name": "kitti2012", "root": str(real_data / "kitti2012"), "protocol": "all-valid"}]
+    small = {"population": 2, "generations": 0, "evaluations": 6, "report_metrics": ["bad-1.0"]}
+    given = {**small, "validate_also": guides, "combine": "worst", "holdout": 4, "report_on": kitti}
+    report(NOTEBOOK, parameters(real_data, tmp_path, **given), tmp_path / "report.html")
+    found = Finished(tmp_path, nbformat.read(tmp_path / "report.ipynb", as_version=4))
+    guided = [name for name in found.scores().columns if name.endswith("*")]
+    assert [name.partition(" ")[0] for name in guided] == ["eth3d", "cones", "motorcycle", "reindeer"]
+    printed = "".join(output.text for output in found.outputs() if output.get("name") == "stdout")
+    assert "The search sees eth3d and cones and motorcycle and reindeer only" in printed
+    assert "pairs that guide" in printed
