@@ -193,4 +193,11 @@ def _text(found: Found, metric: Metric) -> str:
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):
         if best is not None:
             lines.append(f"  {stage}: {best.score:.4f} {unit}  {', '.join(best.subset)}")
-    return "\n".join([*lines, *recipe_lines(found.recipe), f"wrote {found.merged}"])
+    return "\n".join([*lines, *recipe_lines(found.recipe), _saved(evaluator), f"wrote {found.merged}"])
+
+
+def _saved(evaluator: Evaluator) -> str:
+    """The share of evaluations that cost nothing, such as those of a pool that gained a source since."""
+    computed, cached = evaluator.counts.computed, evaluator.counts.cached
+    share = 100.0 * cached / max(computed + cached, 1)
+    return f"evaluations: {computed} computed, {cached} ({share:.0f} %) were in the store"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.measure import Kind, Metric
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.regions import EDGE_PIXELS, Mask, Regions, edge_mask, regions_of
 
 __all__ = [
     "EDGE_PIXELS",
@@ -26,6 +27,7 @@ __all__ = [
     "Metric",
     "RegionErrors",
     "bad",
+    "count_errors",
     "d1",
     "edge_mask",
     "epe",
@@ -35,11 +37,9 @@ __all__ = [
 
 THRESHOLDS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 REGIONS = ("all", "visible", "occluded", "edge")
-EDGE_PIXELS = 16
 D1_PIXELS, D1_SHARE = 3.0, 0.05
 
 Map = NDArray[np.floating[Any]]
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -227,47 +227,33 @@ def image_errors(
     """
     _expect_shape(f"prediction for {sample.id!r}", prediction, sample.size)
     _expect_shape(f"valid mask for {sample.id!r}", protocol_mask, sample.size)
+    return count_errors(prediction, regions_of(sample, protocol_mask, split_mask), thresholds=thresholds)
+
+
+def count_errors(
+    prediction: Map, regions: Regions, *, thresholds: Iterable[float] = THRESHOLDS
+) -> ImageErrors:
+    """The same for ground truth that was sorted into regions before; ``prediction`` is (H, W) in pixels.
+
+    Raises:
+        InputError: the prediction has another shape than the ground truth.
+    """
+    _expect_shape(f"prediction for {regions.id!r}", prediction, regions.size)
     limits = tuple(sorted({float(t) for t in thresholds}))
-    split = protocol_mask if split_mask is None else split_mask
-    known = np.isfinite(sample.disparity) & (sample.disparity > 0)
-    masks = {"all": protocol_mask & known, "edge": protocol_mask & known & edge_mask(sample.size)}
-    if sample.nonoccluded is not None:
-        masks["visible"] = split & known & sample.nonoccluded
-        masks["occluded"] = split & known & ~sample.nonoccluded
-    nonfinite = int(np.count_nonzero(~np.isfinite(prediction)))
-    regions = _count(prediction, sample.disparity, masks, limits, nonfinite > 0)
-    return ImageErrors(sample.id, limits, nonfinite, regions)
-
-
-def edge_mask(size: tuple[int, int], width: int = EDGE_PIXELS) -> Mask:
-    """(H, W) bool, True within ``width`` pixels of the image's border."""
-    mask = np.ones(size, dtype=np.bool_)
-    mask[width : max(size[0] - width, width), width : max(size[1] - width, width)] = False
-    return mask
-
-
-def _count(
-    prediction: Map, truth: Map, masks: Mapping[str, Mask], limits: tuple[float, ...], broken: bool
-) -> dict[str, RegionErrors]:
-    """Sums and counts by region; errors are computed once, for the pixels that lie in any region."""
-    used = np.flatnonzero(np.logical_or.reduce(list(masks.values())))
-    inside = {name: mask.ravel().take(used) for name, mask in masks.items()}
-    if broken:
-        sizes = {name: int(np.count_nonzero(flags)) for name, flags in inside.items()}
-        return {n: RegionErrors(k, math.inf if k else 0.0, (k,) * len(limits), k) for n, k in sizes.items()}
-    true = truth.ravel().take(used).astype(np.float64)
-    errors = np.abs(prediction.ravel().take(used).astype(np.float64) - true)
-    above = [errors > limit for limit in limits]
-    outliers = (errors > D1_PIXELS) & (errors > D1_SHARE * true)
-    return {
-        name: RegionErrors(
-            pixels=int(np.count_nonzero(flags)),
-            sum_abs=float(errors[flags].sum()),
-            above=tuple(int(np.count_nonzero(exceeding & flags)) for exceeding in above),
-            d1=int(np.count_nonzero(outliers & flags)),
-        )
-        for name, flags in inside.items()
-    }
+    nonfinite = prediction.size - int(np.count_nonzero(np.isfinite(prediction)))
+    if nonfinite:
+        sizes = {name: regions.pixels(name) for name in regions.inside}
+        broken = {n: RegionErrors(k, math.inf if k else 0.0, (k,) * len(limits), k) for n, k in sizes.items()}
+        return ImageErrors(regions.id, limits, nonfinite, broken)
+    flat = prediction.ravel()
+    errors = np.abs(np.subtract(flat if regions.used is None else flat.take(regions.used), regions.truth))
+    counted = {}
+    for name, inside in regions.inside.items():
+        own, true = (v if inside is None else v.take(inside) for v in (errors, regions.truth))
+        above = tuple(int(np.count_nonzero(own > limit)) for limit in limits)
+        outliers = int(np.count_nonzero((own > D1_PIXELS) & (own > D1_SHARE * true)))
+        counted[name] = RegionErrors(len(own), float(own.sum()), above, outliers)
+    return ImageErrors(regions.id, limits, nonfinite, counted)
 
 
 def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> float:
@@ -280,10 +266,8 @@ def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> floa
     if not known.any():
         raise InputError(f"{metric}: found no valid pixel, expected ground truth that is finite and positive")
     limits = (metric.threshold,) if metric.kind is Kind.BAD else ()
-    broken = not bool(np.isfinite(prediction).all())
-    return ImageErrors("array", limits, 0, _count(prediction, truth, {"all": known}, limits, broken)).value(
-        metric
-    )
+    regions = Regions.of("array", truth, {"all": known})
+    return count_errors(prediction, regions, thresholds=limits).value(metric)
 
 
 def _expect_shape(what: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:

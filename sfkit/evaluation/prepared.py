@@ -13,10 +13,12 @@ from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.pairs import Pair, Sample, StereoPair
 from sfkit.errors import InputError
-from sfkit.evaluation.metrics import ImageErrors
+from sfkit.evaluation.metrics import ImageErrors, count_errors
 from sfkit.evaluation.protocols import protocol
+from sfkit.evaluation.regions import Regions
 
 KEEP_BYTES = 2 << 30  # prepared inputs beyond this are made anew for every evaluation
+REGION_BYTES = 32  # a pixel, at most: its ground truth, and where it lies in which region
 LOOK_ROWS = 64  # rows of each pair that are looked at for doubts; all rows would cost as much as loading
 
 
@@ -39,6 +41,8 @@ class PreparedBenchmark:
         total = sum(8 * 3 * sample.left.shape[0] * sample.left.shape[1] for sample in self.samples)
         self._keep = total <= KEEP_BYTES
         self._kept: dict[int, PreparedPair] = {}
+        self._keep_regions = total // 24 * REGION_BYTES <= KEEP_BYTES
+        self._regions: dict[int, Regions] = {}
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -58,8 +62,13 @@ class PreparedBenchmark:
         return made
 
     def errors(self, sample: Sample, prediction: NDArray[np.float32]) -> ImageErrors:
-        """Sums and counts of one prediction (H, W) in pixels."""
-        return self.rule.errors(prediction, sample, self.benchmark.family, thresholds=self.thresholds)
+        """Sums and counts of one prediction (H, W) in pixels for one of :attr:`samples`."""
+        regions = self._regions.get(id(sample))
+        if regions is None:
+            regions = self.rule.regions(sample, self.benchmark.family)
+            if self._keep_regions and any(sample is own for own in self.samples):
+                self._regions[id(sample)] = regions
+        return count_errors(prediction, regions, thresholds=self.thresholds)
 
     def doubt(self) -> str | None:
         """One sentence where pairs look wrong, such as left and right exchanged; None where none does."""

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 from sfkit.datasets.measure import RULES, Kind, Metric, Rule, protocols_without_mask, rule
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
-from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, Map, image_errors
+from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, Map, count_errors
+from sfkit.evaluation.regions import Regions, regions_of
 
 MASK_FILES = {
     "eth3d": "mask0nocc.png beside the ground truth",
@@ -83,8 +84,11 @@ class Protocol:
         self, prediction: Map, sample: Sample, family: str, *, thresholds: Iterable[float] = THRESHOLDS
     ) -> ImageErrors:
         """One prediction's sums and counts under this protocol; raises as :meth:`valid_mask` does."""
-        valid, split = self.valid_mask(sample, family), self.split_mask(sample, family)
-        return image_errors(prediction, sample, valid, thresholds=thresholds, split_mask=split)
+        return count_errors(prediction, self.regions(sample, family), thresholds=thresholds)
+
+    def regions(self, sample: Sample, family: str) -> Regions:
+        """The pixels that count, by region, for any number of predictions; raises as :meth:`valid_mask`."""
+        return regions_of(sample, self.valid_mask(sample, family), self.split_mask(sample, family))
 
     def aggregate(
         self, errors: Sequence[ImageErrors], metric: Metric | str, family: str, *, region: str = "all"

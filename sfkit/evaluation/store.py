@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -131,13 +131,15 @@ class EvaluationStore:
         errors = None if evaluation.failure else json.dumps([image.to_dict() for image in evaluation.images])
         row = (evaluation.key, description, errors, evaluation.failure, float(evaluation.seconds))
         with self._writing():
-            self._db.execute(
+            cursor = self._db.execute(
                 "INSERT INTO evaluations (key, description, errors, failure, seconds, checksum, written) "
                 "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET errors = excluded.errors, "
                 "failure = excluded.failure, seconds = excluded.seconds, checksum = excluded.checksum, "
                 "written = excluded.written, attempts = attempts + 1 WHERE evaluations.failure IS NOT NULL",
                 (*row, _checksum(*row), time.time()),
             )
+        if cursor.rowcount == 1:
+            return replace(evaluation, cached=True)
         held = self.get(evaluation.key)
         if held is None:
             raise StoreError(f"{self.path}: the evaluation just written cannot be read back, check the disk")

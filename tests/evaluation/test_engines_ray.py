@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 import tiny
 import torch
+from clusters import two_nodes
 from engines_world import alone, heard, noise, set_wait, trapped_pool
 
 from sfkit.datasets.benchmark import open_benchmark
@@ -24,25 +25,18 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::FutureWarning"),
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
 ]
-NODE = {"num_cpus": 1, "object_store_memory": 80 << 20, "node_ip_address": "127.0.0.1"}
 END_SECONDS = 120
 
 
 @pytest.fixture(scope="module")
 def ray() -> Iterator[Any]:
     """Ray, connected to a cluster of two nodes with one CPU each."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # keeps 127.0.0.1 for what it is
-        patch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
-        ray = pytest.importorskip("ray", reason="Ray is not installed: pip install sfkit[ray]")
-        from ray.cluster_utils import Cluster
+    with two_nodes() as cluster:
+        import ray
 
-        cluster = Cluster(initialize_head=True, head_node_args={**NODE, "include_dashboard": False})
-        cluster.add_node(**NODE)
         ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
         yield ray
         ray.shutdown()
-        cluster.shutdown()
 
 
 @pytest.fixture(scope="module", autouse=True)

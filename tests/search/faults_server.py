@@ -7,7 +7,8 @@ Run in a folder; reads one JSON request a line and answers each with one JSON li
     {"wait": pid}                       answers {"code": exit code, or minus the signal that ended it}
 
 What a fork prints goes to ``NAME.out`` and ``NAME.err``. A request can hold ``file_limit``, the largest file
-in bytes the fork may write, and ``clock``, offsets in seconds that its wall clock takes on in turn.
+in bytes the fork may write, ``clock``, offsets in seconds that its wall clock takes on in turn, and
+``environment``, variables to set.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import os
 import resource
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime, tzinfo
 from pathlib import Path
 
@@ -47,7 +48,12 @@ def serve() -> None:
 
 
 def forked(
-    words: Sequence[str], name: str, *, file_limit: int | None = None, clock: Sequence[float] = ()
+    words: Sequence[str],
+    name: str,
+    *,
+    file_limit: int | None = None,
+    clock: Sequence[float] = (),
+    environment: Mapping[str, str] | None = None,
 ) -> int:
     """Run the command line in a child; returns its process number."""
     child = os.fork()
@@ -60,6 +66,7 @@ def forked(
                 os.dup2(file.fileno(), stream.fileno())
         if file_limit is not None:  # Python ignores the signal: writing fails, as on a full disk
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
+        os.environ.update(environment or {})
         if clock:
             turn_clock(clock)
         main(list(words))

@@ -1,0 +1,164 @@
+"""Where a whole search spends its time: the network's forward passes, and all the rest by what it does.
+
+    python benchmarks/overhead.py
+    python benchmarks/overhead.py --pairs 27 --population 10 --generations 2 --evaluations 20 --json
+
+Both stages run on the embedded bank's AnyNet, inline, over pairs of noise of 256 x 512 in memory, with store,
+journal, tables and merged file on disk. Every function below is timed without what it calls of the others,
+so that the rows add up. Reading the pool and preparing images happen before the search and are a row of
+their own; ``search`` is whatever no other row claims: breeding, CMA-ES, ranking, the evaluator's own work.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import numpy as np
+import torch
+
+from sfkit.architectures import InputConvention
+from sfkit.bank import pool_path
+from sfkit.datasets.benchmark import Benchmark, memory_benchmark
+from sfkit.datasets.pairs import Sample
+from sfkit.evaluation import EvaluationStore, Evaluator
+from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging import open_pool
+from sfkit.merging.live import LiveModel
+from sfkit.search import Journal, RoutingSettings, SubsetSettings, pipeline
+from sfkit.search.pipeline import Plan, search_pool
+
+SIZE = (256, 512)
+FORWARD, SEARCH, BEFORE = "forward passes", "search", "open pool, prepare images (before)"
+PARTS: tuple[tuple[str, Any, str], ...] = (
+    ("merge", LiveModel, "apply"),
+    ("around the network", LiveModel, "disparity"),
+    ("errors of predictions", PreparedBenchmark, "errors"),
+    ("prepare images", InputConvention, "prepare"),
+    ("store: look up", EvaluationStore, "get"),
+    ("store: write", EvaluationStore, "put"),
+    ("keys", Evaluator, "describe"),
+    ("scores", Evaluator, "outcome"),
+    ("journal", Journal, "write"),
+    ("merged file", pipeline, "save_merged"),
+)
+"""What is timed: the row it counts for, where it lives, and its name."""
+
+
+class Clock:
+    """Seconds by row; a row's time is its own, without that of rows inside it."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self.calls: dict[str, int] = defaultdict(int)
+        self._row, self._since = SEARCH, time.perf_counter()
+
+    @contextmanager
+    def row(self, name: str) -> Iterator[None]:
+        """Everything in here counts for that row."""
+        outer = self._turn(name)
+        self.calls[name] += 1
+        try:
+            yield
+        finally:
+            self._turn(outer)
+
+    def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        """The function, its time counted for that row."""
+
+        def call(*arguments: Any, **named: Any) -> Any:
+            with self.row(name):
+                return function(*arguments, **named)
+
+        return call
+
+    def stop(self) -> None:
+        """Count up to now."""
+        self._turn(SEARCH)
+
+    def _turn(self, name: str) -> str:
+        now = time.perf_counter()
+        self.seconds[self._row] += now - self._since
+        before, self._row, self._since = self._row, name, now
+        return before
+
+
+def measure(*, pairs: int, population: int, generations: int, evaluations: int) -> dict[str, Any]:
+    """Run a search; seconds and calls a row, the evaluations computed, and the share outside the network."""
+    torch.set_num_threads(1)
+    clock = Clock()
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as patched:
+        with clock.row(BEFORE):
+            pool, validation = open_pool(pool_path()), noise(pairs)
+            scorer = Evaluator(pool, validation, store=EvaluationStore(Path(folder) / "e.sqlite"))
+            scorer([pool.equal(*pool.names[:2])])  # first forward passes prepare kernels
+        plan = Plan(
+            stage1=SubsetSettings(population=population, generations=generations),
+            stage2=RoutingSettings(evaluations=evaluations),
+        )
+        for row, place, name in PARTS:
+            patched.enter_context(mock.patch.object(place, name, clock.timed(row, getattr(place, name))))
+        network = scorer.engine.worker.model.network  # type: ignore[attr-defined]
+        patched.enter_context(mock.patch.object(network, "forward", clock.timed(FORWARD, network.forward)))
+        search_pool(pool, scorer, plan, Path(folder) / "run")
+        clock.stop()
+        scorer.store.close()
+    before = clock.seconds.pop(BEFORE)
+    total = sum(clock.seconds.values())
+    rows = [
+        {"part": part, "seconds": seconds, "share": seconds / total, "calls": clock.calls[part]}
+        for part, seconds in sorted(clock.seconds.items(), key=lambda entry: -entry[1])
+    ]
+    return {
+        "pairs": pairs,
+        "evaluations": scorer.counts.computed,
+        "seconds": total,
+        "before": before,
+        "outside": 1 - clock.seconds[FORWARD] / total,
+        "rows": rows,
+    }
+
+
+def noise(pairs: int) -> Benchmark:
+    """Pairs of noise with a true disparity of 20 px."""
+    rng = np.random.default_rng(0)
+    truth = np.full(SIZE, 20.0, np.float32)
+    images = rng.integers(0, 256, (pairs, 2, *SIZE, 3), dtype=np.uint8)
+    return memory_benchmark(
+        "noise", [Sample(f"{n}", left, right, truth) for n, (left, right) in enumerate(images)]
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--pairs", type=int, default=8)
+    parser.add_argument("--population", type=int, default=50)
+    parser.add_argument("--generations", type=int, default=15)
+    parser.add_argument("--evaluations", type=int, default=300, help="of Stage 2")
+    parser.add_argument("--json", action="store_true", help="print one JSON document")
+    options = vars(parser.parse_args(arguments))
+    as_json = options.pop("json")
+    found = measure(**options)
+    if as_json:
+        print(json.dumps(found, indent=2))
+        return
+    print(
+        f"{found['evaluations']} evaluations of {found['pairs']} pairs, {found['seconds']:.1f} s: "
+        f"{100 * found['outside']:.2f} % outside the network ({found['before']:.1f} s before); by evaluation:"
+    )
+    for row in found["rows"]:
+        each = 1e3 * row["seconds"] / found["evaluations"]
+        print(f"{row['part']:24} {row['seconds']:8.2f} s  {100 * row['share']:6.2f} %  {each:7.2f} ms each")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""Overhead: what a whole search spends outside the network's forward passes."""
+
+from __future__ import annotations
+
+from processes import call, shown
+
+COMMAND = ("overhead.py", "--json")
+
+
+def section() -> str:
+    """One row a part of a search."""
+    found = call(*COMMAND)
+    lines = [
+        "## Overhead of a search",
+        "",
+        f"`{shown(*COMMAND)}`: both stages at the paper's budgets on the embedded bank's AnyNet, "
+        f"{found['pairs']} pairs of 256 x 512, {found['evaluations']} evaluations in {found['seconds']:.0f} "
+        f"s, of which **{100 * found['outside']:.1f} %** lie outside the network's forward passes. The pool "
+        f"was opened and the images were prepared before, once, in {found['before']:.1f} s.",
+        "",
+        "| part | share, % | ms an evaluation | calls |",
+        "|---|--:|--:|--:|",
+    ]
+    for r in found["rows"]:
+        each = 1e3 * r["seconds"] / found["evaluations"]
+        lines.append(f"| {r['part']} | {100 * r['share']:.2f} | {each:.2f} | {r['calls']:,} |")
+    return "\n".join(lines)

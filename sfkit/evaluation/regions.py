@@ -1,0 +1,80 @@
+"""One image's ground truth, sorted into regions once, so that counting a prediction's errors costs little.
+
+Which pixels count is the same for every candidate of a search; only the prediction changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sfkit.datasets.pairs import Sample
+
+EDGE_PIXELS = 16
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Regions:
+    """The pixels of one image that count, by region.
+
+    Attributes:
+        id: the pair's name.
+        size: (H, W) of the image.
+        used: flat indices of the pixels that lie in any region; None where all do.
+        truth: (n,) float64, the ground truth of those pixels.
+        inside: by region, positions among those pixels; None where all of them lie in it.
+    """
+
+    id: str
+    size: tuple[int, ...]
+    used: Index | None
+    truth: NDArray[np.float64]
+    inside: Mapping[str, Index | None]
+
+    @classmethod
+    def of(cls, name: str, truth: NDArray[np.floating[Any]], masks: Mapping[str, Mask]) -> Regions:
+        """Sort the pixels of an image by masks (H, W); a pixel can lie in several regions, or in none."""
+        used = np.flatnonzero(np.logical_or.reduce(list(masks.values())))
+        inside: dict[str, Index | None] = {}
+        for region, mask in masks.items():
+            positions = np.flatnonzero(mask.ravel().take(used))
+            inside[region] = None if len(positions) == len(used) else positions
+        values = truth.ravel().take(used).astype(np.float64)
+        return cls(name, truth.shape, None if len(used) == truth.size else used, values, inside)
+
+    def pixels(self, region: str) -> int:
+        """How many pixels lie in a region."""
+        positions = self.inside[region]
+        return len(self.truth if positions is None else positions)
+
+
+def regions_of(sample: Sample, protocol_mask: Mask, split_mask: Mask | None = None) -> Regions:
+    """The regions of :class:`~sfkit.evaluation.metrics.ImageErrors`.
+
+    Args:
+        sample: the pair with its ground truth.
+        protocol_mask: (H, W) bool, which pixels count.
+        split_mask: (H, W) bool, which pixels are split into visible and occluded; those of the protocol
+            unless given.
+    """
+    split = protocol_mask if split_mask is None else split_mask
+    known = np.isfinite(sample.disparity) & (sample.disparity > 0)
+    masks = {"all": protocol_mask & known, "edge": protocol_mask & known & edge_mask(sample.size)}
+    if sample.nonoccluded is not None:
+        masks["visible"] = split & known & sample.nonoccluded
+        masks["occluded"] = split & known & ~sample.nonoccluded
+    return Regions.of(sample.id, sample.disparity, masks)
+
+
+def edge_mask(size: tuple[int, int], width: int = EDGE_PIXELS) -> Mask:
+    """(H, W) bool, True within ``width`` pixels of the image's border."""
+    mask = np.ones(size, dtype=np.bool_)
+    mask[width : max(size[0] - width, width), width : max(size[1] - width, width)] = False
+    return mask

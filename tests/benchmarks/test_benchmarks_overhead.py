@@ -1,0 +1,25 @@
+"""The overhead's rows add up, and count what a search did."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+
+
+def test_rows_add_up_and_images_are_prepared_before_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(FOLDER))
+    overhead = importlib.import_module("overhead")
+    monkeypatch.setattr(overhead, "SIZE", (32, 256))
+    found = overhead.measure(pairs=2, population=4, generations=1, evaluations=5)
+    rows = {row["part"]: row for row in found["rows"]}
+    assert sum(row["share"] for row in rows.values()) == pytest.approx(1)
+    assert sum(row["seconds"] for row in rows.values()) == pytest.approx(found["seconds"])
+    assert found["outside"] == pytest.approx(1 - rows["forward passes"]["share"])
+    searched = found["evaluations"] - 1  # the first one warmed up
+    assert rows["forward passes"]["calls"] == rows["errors of predictions"]["calls"] == 2 * searched
+    assert rows["store: write"]["calls"] == rows["merge"]["calls"] == searched
+    assert "prepare images" not in rows

@@ -1,0 +1,58 @@
+"""Kill -9 of searches whose workers live elsewhere: what they stored is kept, and any engine goes on from it.
+
+A search is killed five times on its way, with the same store each time; after each kill another process
+ends it from a copy of that store, as if nothing had happened.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import sqlite3
+import time
+from contextlib import closing
+
+import pytest
+from faults_world import Run, Searches, assert_same_end, content
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork: run it on Linux"),
+]
+KILLS = int(os.environ.get("SFKIT_ENGINE_KILLS", "5"))
+SEED = int(os.environ.get("SFKIT_KILLS_SEED", "1"))
+
+
+def test_processes(searches: Searches, whole: Run) -> None:
+    killed_on_the_way(searches, whole, "processes", {})
+
+
+def killed_on_the_way(searches: Searches, whole: Run, engine: str, environment: dict[str, str]) -> None:
+    """Kill, end a copy, go on; every kill falls between the first evaluation and the last."""
+    rng, total = random.Random(f"{SEED}/{engine}"), len(whole.rows())
+    run, kept = Run(searches, engine), []
+    for number in range(KILLS):
+        if len(kept) > total - 4:  # no room for another kill: from the start again
+            shutil.rmtree(run.folder)
+            kept = []
+        pid = run.start("--engine", engine, "--workers", "2", environment=environment)
+        room = (total - 3 - len(kept)) // (KILLS % 5 or 5)
+        run.await_rows(len(kept) + rng.randrange(1, max(room, 2)), pid)
+        time.sleep(rng.uniform(0, 0.003))
+        os.kill(pid, signal.SIGKILL)
+        assert run.wait(pid) == -signal.SIGKILL
+        stored = run.rows()
+        assert len(kept) < len(stored) < total
+        assert stored[: len(kept)] == kept
+        assert set(content(stored)) < set(content(whole.rows())), "the scores of one process"
+        kept = stored
+
+        copy = Run(searches, f"{engine}-{number}")
+        copy.folder.mkdir()
+        with closing(sqlite3.connect(run.store)) as source, closing(sqlite3.connect(copy.store)) as target:
+            source.backup(target)
+        assert copy.finish()["evaluations"]["computed"] == total - len(stored)
+        assert copy.rows()[: len(stored)] == stored
+        assert_same_end(copy, whole)
