@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
@@ -159,7 +160,7 @@ def search(
     document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
     document |= {"validation": [guide.name for guide in guides], "combine": combine if also else None}
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
-    text = _text(found, evaluators[0].metric)
+    text = _text(found, evaluators[0].metric, counts)
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
 
 
@@ -187,17 +188,17 @@ def _progress(stage: str, generation: Generation[Any]) -> None:
     say(f"{stage}, generation {generation.number}: best {score}; {done}")
 
 
-def _text(found: Found, metric: Metric) -> str:
+def _text(found: Found, metric: Metric, counts: Mapping[str, float]) -> str:
     unit = metric.unit
     lines = [f"best {metric}: {found.score:.4f} {unit}"]
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):
         if best is not None:
             lines.append(f"  {stage}: {best.score:.4f} {unit}  {', '.join(best.subset)}")
-    return "\n".join([*lines, *recipe_lines(found.recipe), _saved(evaluator), f"wrote {found.merged}"])
+    return "\n".join([*lines, *recipe_lines(found.recipe), _saved(counts), f"wrote {found.merged}"])
 
 
-def _saved(evaluator: Evaluator) -> str:
+def _saved(counts: Mapping[str, float]) -> str:
     """The share of evaluations that cost nothing, such as those of a pool that gained a source since."""
-    computed, cached = evaluator.counts.computed, evaluator.counts.cached
+    computed, cached = counts["computed"], counts["cached"]
     share = 100.0 * cached / max(computed + cached, 1)
     return f"evaluations: {computed} computed, {cached} ({share:.0f} %) were in the store"
