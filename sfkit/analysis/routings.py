@@ -31,7 +31,8 @@ class RoutingTrace:
         metric: of the scores, such as ``bad-1.0``; None where it is not known.
         generation: (n,) the iteration of CMA-ES that made each evaluation; 0 is x = 0 and the start.
         score: (n,) the validation metric; ``inf`` where the candidate failed.
-        penalised: (n,) score plus entropy penalty, what the search minimises; ``inf`` where it failed.
+        penalised: (n,) what the best is chosen by: score plus penalties, or the held-out score plus
+            penalties; ``inf`` where it failed, and for the folds' candidates once their average is scored.
         weights: (n, B, E) routing weights, rows on the simplex.
         scales: (n, B) module scales.
         sigma: (n,) step size of the distribution each was drawn from.
@@ -106,7 +107,7 @@ def routing_trace(search: RoutingSearch, *, metric: str | None = None) -> Routin
         metric=metric,
         generation=np.array([c.generation for c in candidates], dtype=np.int64),
         score=np.array([c.score for c in candidates]),
-        penalised=np.array([c.fitness for c in candidates]),
+        penalised=_chosen_by([(c.criterion, c.fold, c.origin) for c in candidates]),
         weights=np.array([c.recipe.weights for c in candidates]),
         scales=np.array([c.recipe.scales for c in candidates]),
         sigma=np.array([c.sigma for c in candidates]),
@@ -140,7 +141,16 @@ def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None 
         metric=metric,
         generation=np.array([entry["generation"] for entry in entries], dtype=np.int64),
         score=_scores(entries, "score"),
-        penalised=_scores(entries, "penalised"),
+        penalised=_chosen_by(
+            list(
+                zip(
+                    _scores(entries, "criterion" if "criterion" in entries[0] else "penalised").tolist(),
+                    (entry.get("fold") for entry in entries),
+                    (entry["origin"] for entry in entries),
+                    strict=True,
+                )
+            )
+        ),
         weights=np.array([entry["weights"] for entry in entries], dtype=np.float64),
         scales=np.array([entry["scales"] for entry in entries], dtype=np.float64),
         sigma=np.array([entry["sigma"] for entry in entries], dtype=np.float64),
@@ -149,6 +159,13 @@ def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None 
             dtype=np.float64,
         ),
     )
+
+
+def _chosen_by(candidates: Sequence[tuple[float, int | None, str]]) -> Floats:
+    """Criteria by (criterion, fold, origin); an average leaves only those of all validation pairs."""
+    averaged = any(origin == "average" for _, _, origin in candidates)
+    out = [math.inf if averaged and fold is not None else value for value, fold, _ in candidates]
+    return np.array(out, dtype=np.float64)
 
 
 def _scores(entries: Sequence[Mapping[str, Any]], key: str) -> Floats:

@@ -76,6 +76,7 @@ class RoutingCandidate(Candidate):
             "fold": self.fold,
             "guiding": self.guiding,
             "held": self.held,
+            "criterion": self.criterion,
             "sigma": self.sigma,
             "weights": self.recipe.weights,
             "scales": self.recipe.scales,

@@ -31,7 +31,8 @@ class RoutingSettings:
             score's unit a nat.
         holdout: validation pairs held out from CMA-ES, by whose score the best is chosen: a share in
             (0, 1), or a whole number of folds of at least 2; 0, the paper's form, holds out none. Fewer than
-            four pairs are not split, which a warning says. Evaluations and their keys are the same with it.
+            four pairs are not split, which a warning says. Evaluations and their keys are the same with it;
+            folds use up the budget, whatever ``converge`` says.
         shrinkage: at least 0: what a recipe must gain, in shares of the score of x = 0, for each unit of
             its mean squared distance from x = 0, Stage 1's equal weights.
         converge: True ends the search as soon as one of pycma's stop conditions holds (tolfun, tolx,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flat_world import benchmark, flat_pool
 
+from sfkit.analysis.routings import routing_trace, watched_routing
 from sfkit.errors import SfkitWarning
 from sfkit.evaluation import EvaluationStore, Evaluator
 from sfkit.evaluation.holdout import deal
@@ -171,6 +172,20 @@ def test_a_live_session_and_the_journal_tell_of_the_held_out_score(pool: Pool, t
     history = search.history
     assert history["held"].tolist() == [c.held for c in search.candidates]
     assert (history["penalised"] == history["guiding"]).all()
+
+
+@pytest.mark.parametrize("holdout", [0.5, 3])
+def test_traces_lead_to_what_was_chosen(pool: Pool, holdout: float, tmp_path: Path) -> None:
+    scorer = Evaluator(pool, benchmark(truths=(4.5, 5.5, 5.0, 6.0, 3.5), metric="epe"))
+    journal = tmp_path / "journal.jsonl"
+    settings = RoutingSettings(evaluations=40, holdout=holdout)
+    search = RoutingSearch(("low", "high"), pool.blocks, scorer, settings, journal=Journal(journal))
+    for _ in range(3):
+        search.step()
+    assert routing_trace(search).best == search.best.number
+    search.run()
+    assert routing_trace(search).best == search.best.number
+    assert watched_routing(read_journal(journal)).best == search.best.number
 
 
 def test_too_few_pairs_warn_and_search_as_the_paper_does(pool: Pool) -> None:
