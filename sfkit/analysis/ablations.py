@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from sfkit.analysis.bootstrap import paired_difference
 from sfkit.analysis.experiment import Answer, Experiment, overlap
+from sfkit.analysis.measured import measure_with
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
-from sfkit.evaluation.separation import identities
+from sfkit.evaluation.separation import check_separation, identities
 from sfkit.merging.recipe import Recipe
 from sfkit.search.constraints import transfer
 from sfkit.search.records import Counts
@@ -140,7 +142,8 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
 
     Returns:
         A row a (pool, subset): the sources, their overlap with the pool's own subset, the benchmarks, their
-        mean, and how many evaluations the row needed on its pool, from the store or not.
+        mean, how many evaluations the row needed on its pool, from the store or not, and how the reused
+        subset differs from the pool's own search on the mean, in words with a 95 % interval over images.
 
     Raises:
         InputError: a source of one subset is missing in the other pool, or both pools have one name.
@@ -157,8 +160,20 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
         frame = _table(here, answers).rename_axis("subset from").reset_index()
         frame.insert(0, "pool", here.pool.name)
         frame["evaluations"] = [_distinct(answer.counts.values()) for answer in answers.values()]
+        frame["reused"] = ["", _against_own(here, {name: a.recipe for name, a in answers.items()})]
         frames.append(frame)
     return pd.concat(frames, ignore_index=True).set_index(["pool", "subset from"])
+
+
+def _against_own(here: Experiment, recipes: Mapping[str, Recipe]) -> str:
+    """The second recipe against the first on the unseen benchmarks' mean, as a sentence."""
+    own, reused = recipes
+    guided = check_separation(here.validation, here.reported, allow=True).guided
+    evaluators = [here.scorer(b, here.shown) for b in here.reported if b.name not in guided]
+    if not evaluators:
+        return "no benchmark is unseen"
+    measured = measure_with(evaluators, recipes)
+    return str(paired_difference(measured, reused, own, np.random.default_rng(here.seed)))
 
 
 def _table(

@@ -53,7 +53,8 @@ def export_table(
         raise InputError(
             f"table {name!r}: found no column {missing[0]!r}, expected some of {', '.join(map(str, table))}"
         )
-    write_table(table, Path(folder) / f"{name}.csv")
+    plain = table.reset_index() if table.index.nlevels > 1 else table
+    write_table(plain, Path(folder) / f"{name}.csv")
     text = latex_table(table, label=name, caption=caption, digits=digits, lower_is_better=lower_is_better)
     (Path(folder) / f"{name}.tex").write_text(text, encoding="utf-8")
     return table
