@@ -14,6 +14,7 @@ from sfkit.analysis.bootstrap import Difference, Resampling
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.measured import Measured, measure_with
+from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
@@ -76,6 +77,15 @@ class Study:
         """One network against others on the unseen benchmarks' mean, all on the same draws of images."""
         drawing = Resampling(self.unseen or self.measured, np.random.default_rng(self.experiment.seed))
         return tuple(drawing.difference(network, name, metric=self.metric) for name in references)
+
+    def selection(self) -> SelectionStatistics:
+        """Which sources the seeds of the two stages chose, and with what weight."""
+        kept = {name: result for name, result in self.runs.items() if result.name in SEEDED}
+        return selection_statistics(
+            {name: result.recipe for name, result in kept.items()},
+            self.experiment.pool.names,
+            groups={name: result.label for name, result in kept.items()},
+        )
 
     def table(self) -> pd.DataFrame:
         """The main table: scores, means, differences with intervals, seeds, a verdict in a word or two.

@@ -58,7 +58,7 @@ def test_several_levels_of_rows_and_columns_become_one(tmp_path: Path) -> None:
     rows = pd.MultiIndex.from_tuples([("bank", "own"), ("slim", "own")], names=["pool", "subset"])
     table = pd.DataFrame([[1.0], [2.0]], index=rows, columns=pd.MultiIndex.from_tuples([("mean", "low")]))
     export_table(table, tmp_path, "levels")
-    assert pd.read_csv(tmp_path / "levels.csv").iloc[1, :2].tolist() == ["slim", "own"]
+    assert pd.read_csv(tmp_path / "levels.csv").iloc[-1, :2].tolist() == ["slim", "own"]
     text = latex_table(table, label="levels")
     assert "pool / subset & mean low" in text
     assert "bank / own & 1.00" in text

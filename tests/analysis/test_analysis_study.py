@@ -108,6 +108,12 @@ def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None
     assert scores.query("benchmark == 'near' and network == 'base'")["score"].item() == pytest.approx(2.445)
 
 
+def test_what_the_seeds_chose_is_counted(found: Study) -> None:
+    table = found.selection().table()
+    assert table["chosen [%]"].to_dict() == {"one": 100.0, "five": 100.0, "ten": 0.0}
+    assert table.loc["one", "chosen under Stage 1 [%]"] == 100.0
+
+
 def test_what_cannot_be_compared_is_refused(experiment: Experiment) -> None:
     with pytest.raises(InputError, match="seeds: found 0"):
         study(experiment, seeds=0)

@@ -1,0 +1,74 @@
+"""The full report by its command, cold and warm, and what it wrote, for the sections that record it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import nbformat
+import pandas as pd
+from commands import sfkit
+
+
+@dataclass(frozen=True)
+class FullReport:
+    """One report, made twice.
+
+    Attributes:
+        folder: where it and its tables lie.
+        cold: seconds with nothing in the store.
+        warm: seconds with everything in it.
+    """
+
+    folder: Path
+    cold: float
+    warm: float
+
+    def table(self, name: str, index: str) -> pd.DataFrame:
+        """One of its tables."""
+        return pd.read_csv(self.folder / "tables" / f"{name}.csv", index_col=index)
+
+    def summary(self) -> str:
+        """Its sentences, as a Markdown list."""
+        notebook = nbformat.read(self.folder / "report.ipynb", as_version=4)
+        cell = next(cell for cell in notebook.cells if cell.id == "summary")
+        return str(next(output.data["text/markdown"] for output in cell.outputs if "data" in output))
+
+
+def make(folder: Path, parameters: Mapping[str, object]) -> FullReport:
+    """Run ``sfkit report`` twice with these parameters; a store of before is removed first."""
+    shutil.rmtree(folder, ignore_errors=True)
+    values = {**parameters, "out": str(folder)}
+    words = [w for name, value in values.items() for w in ("-p", name, _text(value))]
+    seconds = []
+    for _ in range(2):
+        started = time.perf_counter()
+        sfkit("report", "report", *words, "-o", str(folder / "report.html"))
+        seconds.append(time.perf_counter() - started)
+    return FullReport(folder, *seconds)
+
+
+def markdown(table: pd.DataFrame, digits: int = 2) -> str:
+    """A table as Markdown; a number that is missing is a dash."""
+    head = [str(table.index.name or ""), *map(str, table.columns)]
+    rows = [
+        [str(name), *(_cell(value, digits) for value in row)]
+        for name, row in zip(table.index, table.to_numpy(dtype=object), strict=True)
+    ]
+    numeric = [pd.api.types.is_numeric_dtype(table[column]) for column in table]
+    rule = ["---", *("--:" if is_number else "---" for is_number in numeric)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *rows])
+
+
+def _cell(value: object, digits: int) -> str:
+    if isinstance(value, float):
+        return f"{value:.{digits}f}" if value == value else "–"
+    return str(value)
+
+
+def _text(value: object) -> str:
+    return value if isinstance(value, str) else json.dumps(value)
