@@ -36,7 +36,7 @@ from sfkit.merging.network import load_network
 from sfkit.merging.preparation import prepare, prepared_for
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
 from sfkit.merging.steps import Drop, Elect, FisherMean, Mean, Trim
-from sfkit.places import open_benchmark, open_benchmarks, open_pool
+from sfkit.places import open_benchmark, open_benchmarks, open_pool, open_source_data
 from sfkit.search import (
     Constraints,
     Journal,
@@ -86,6 +86,7 @@ __all__ = [
     "open_benchmark",
     "open_benchmarks",
     "open_pool",
+    "open_source_data",
     "pivot",
     "prepare",
     "prepared_for",

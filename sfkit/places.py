@@ -85,6 +85,27 @@ def open_benchmark(
     return whole.first(pairs) if isinstance(pairs, int) else whole.select(pairs)
 
 
+def open_source_data(
+    entries: str | Mapping[str, str | Mapping[str, Any]], *, pairs: int = 4
+) -> dict[str, Benchmark]:
+    """Open what sources were fine-tuned on, for :func:`sfkit.analysis.data_similarity`: source -> pairs.
+
+    Args:
+        entries: ``"bank"`` for held-out pairs of the embedded bank's domains; else source name -> entry as
+            for :func:`open_benchmarks`.
+        pairs: the first so many pairs of each.
+
+    Raises:
+        InputError: another word, or as :func:`open_benchmarks` says.
+    """
+    if isinstance(entries, str):
+        if entries != BANK:
+            raise InputError(f"source data: found {entries!r}, expected 'bank', or source -> benchmark")
+        return {name: bank.held_out(name, pairs) for name in bank.training_seconds()}
+    opened = open_benchmarks(entries.values())
+    return {source: each.first(pairs) for source, each in zip(entries, opened, strict=True)}
+
+
 def open_benchmarks(entries: Iterable[str | Mapping[str, Any]]) -> list[Benchmark]:
     """Open several: each entry a name, or the arguments of :func:`open_benchmark` as a dictionary.
 
