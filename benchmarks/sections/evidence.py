@@ -21,6 +21,8 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
+    if not any(evidence.done(name).is_file() for name in evidence.jobs()):
+        raise SystemExit("nothing is finished yet: run python benchmarks/evidence.py first (hours)")
     parts = [
         HEAD,
         _guards(),
@@ -95,8 +97,8 @@ def _real() -> str:
         return ""
     frame = frame[frame["evaluations"] == evidence_real.EVALUATIONS]
     pairs, rows = list(evidence_real.PAIRS), []
-    for (guides, how), group in frame.groupby(["guided by", "how"], sort=False):
-        seen = guides.split("+")
+    for how, seen in evidence_real.GUIDES.items():
+        group = frame[frame["how"] == how]
         for trial, part in group.groupby("trial", sort=False):
             changes = {name: (part[name] - part[f"{name}:equal"]).mean() for name in pairs}
             marked = [f"{change:+.2f}{' *' * (name in seen)}" for name, change in changes.items()]

@@ -140,3 +140,28 @@ def test_memory_of_a_process_is_told_by_kind(results: ModuleType, tmp_path: Path
     assert more_mapped.mapped_mb - little.mapped_mb == pytest.approx(64, abs=4)
     assert more_own.mapped_mb == pytest.approx(little.mapped_mb, abs=4)
     assert more_mapped.anonymous_mb == pytest.approx(little.anonymous_mb, abs=4)
+
+
+def test_evidence_is_what_finished_comparisons_say(
+    results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    section, evidence = (importlib.import_module(name) for name in ("sections.evidence", "evidence"))
+    monkeypatch.setattr(evidence, "FOLDER", tmp_path)
+    with pytest.raises(SystemExit, match="nothing is finished yet"):
+        section.section()
+    columns = ["pairs", "trial", "seed", "evaluations", "distance", "validation", "held", "equal"]
+    judges = ["courtyard", "indoor-rooms", "hazy-road", "grey-workshop"]
+    after = {"plain": (9.0, 21.0, 31.5, 11.0), "shrinkage 0.05": (9.5, 20.0, 29.0, 10.0)}
+    rows = [
+        (2, trial, 0, 80, 0.25, 18.0, "", 20.0, *found, 8.0, 20.0, 30.0, 10.0)
+        for trial, found in after.items()
+    ]
+    header = [*columns, *judges, *(f"{judge}:equal" for judge in judges)]
+    lines = [",".join(map(str, row)) for row in (header, *rows)]
+    (tmp_path / "guards-02-0.csv").write_text("\n".join(lines), encoding="utf-8")
+    written = section.section()
+    # Other worlds: the mean of +1, +1.5 and +1, and that of 0, -1 and 0.
+    assert "| 2 | plain | -2.00 | +1.00 (0 of 1) | +1.17 (0 of 1) | 0.25 |" in written
+    assert "| 2 | shrinkage 0.05 | -2.00 | +1.50 (0 of 1) | -0.33 (1 of 1) | 0.25 |" in written
+    assert "| 2 | 80 | -2.00 | +1.00 (0 of 1) | +1.17 (0 of 1) | 0.25 |" in written
+    assert "real AnyNet" not in written

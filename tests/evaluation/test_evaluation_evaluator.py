@@ -11,7 +11,15 @@ from flat_world import LEVELS, benchmark, calls, flat_pool, repaired, sample
 
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark, open_benchmark
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator, Outcome, estimate, prepared
+from sfkit.evaluation import (
+    CombinedScorer,
+    EvaluationStore,
+    Evaluator,
+    Outcome,
+    estimate,
+    prepared,
+    validation_scorer,
+)
 from sfkit.merging import Pool, Recipe
 from sfkit.search import SubsetSearch, SubsetSettings
 
@@ -259,3 +267,21 @@ def test_real_pairs_raise_no_doubt_until_they_are_exchanged(
 def test_a_scale_that_was_guessed_wrong_is_pointed_out(pool: Pool) -> None:
     with pytest.warns(SfkitWarning, match=r"pair 'b' looks wrong: 100.0 % of the disparities exceed"):
         Evaluator(pool, memory_benchmark("x", [sample("a", 5.0), sample("b", 500.0)]))
+
+
+def test_one_scorer_for_one_benchmark_or_several(pool: Pool) -> None:
+    one, other = benchmark("one", metric="epe"), benchmark("other", (6.0,))
+    alone = validation_scorer(pool, one)
+    assert isinstance(alone, Evaluator)
+    assert isinstance(validation_scorer(pool, [one]), Evaluator)
+    worst = validation_scorer(pool, [one, other], how="worst")
+    # Level 12 against 5 and 8 px, and against 6: the first one's metric measures both.
+    assert worst([pool.equal("high")])[0].score == 6.0
+    assert validation_scorer(pool, [one, other])([pool.equal("high")])[0].score == (5.5 + 6.0) / 2
+    cost = estimate(worst, pool.equal("high"), 100)
+    assert (cost.images, cost.evaluations, cost.workers) == (3, 100, 1)
+    for empty in ([], ()):
+        with pytest.raises(InputError, match="validation: found no benchmark"):
+            validation_scorer(pool, empty)
+    with pytest.raises(InputError, match="estimate: found a scorer that is no Evaluator"):
+        estimate(CombinedScorer([lambda recipes: []]), pool.equal("high"), 1)
