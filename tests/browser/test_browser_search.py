@@ -211,3 +211,23 @@ def test_names_of_sources_never_become_markup(stage: Open, population: Populatio
     shown.show_state(population, evolution={**population.evolution, "sources": [name, *SOURCES[1:]]})
     assert shown.page.locator("img").count() == 0
     assert name in shown.root.inner_text()
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_axe_finds_nothing_serious(
+    stage: Open, made: list[Any], population: PopulationView, routing: RoutingView, dark: bool
+) -> None:
+    made.append(control := SearchControl(subset_search()[0]))
+    progress = {**control.progress, "phase": "failed", "allowed": ["run", "step"]}
+    best = {"score": "EPE 3.20 px", "candidate": 3, "sources": list(SOURCES)}
+    for widget, state in (
+        (control, {"progress": progress, "error": "OSError: the disk is full"}),
+        (control, {"progress": {**progress, "phase": "running", "best": best, "allowed": ["pause"]}}),
+        (population, {}),
+        (routing, {}),
+    ):
+        shown = stage(dark=dark)
+        shown.show_state(widget, **state)
+        if widget is population:
+            shown.root.locator("[role=grid] [role=row]").nth(2).hover()
+        assert shown.findings() == [], type(widget).__name__
