@@ -27,9 +27,9 @@ class SeenByHand:
     pairs: tuple[str, ...]
 
     def __str__(self) -> str:
-        recipes = "1 recipe" if self.edits == 1 else f"{self.edits} recipes"
+        recipes, were = ("1 recipe", "was") if self.edits == 1 else (f"{self.edits} recipes", "were")
         return (
-            f"{self.benchmark}: {recipes} edited by hand were scored on {len(self.pairs)} of its pairs; "
+            f"{self.benchmark}: {recipes} edited by hand {were} scored on {len(self.pairs)} of its pairs; "
             "a person chose by them, so they are no test."
         )
 

@@ -11,6 +11,7 @@ from sfkit.figures.costs import cost_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
+from sfkit.figures.evolutions import evolution_figure
 from sfkit.figures.geometries import geometry_figure
 from sfkit.figures.interpolations import interpolation_figure
 from sfkit.figures.learning import learning_figure
@@ -29,6 +30,7 @@ __all__ = [
     "comparison_figure",
     "cost_figure",
     "disparity_figure",
+    "evolution_figure",
     "geometry_figure",
     "interpolation_figure",
     "learning_figure",

@@ -26,6 +26,7 @@ from sfkit.analysis import (
 from sfkit.analysis.costs import StageCost
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
+from sfkit.analysis.evolution import Evolution
 from sfkit.analysis.growth import PopulationSizes
 from sfkit.analysis.overfit import LearningCurve
 from sfkit.analysis.populations import Individual, PopulationHistory, summarise
@@ -34,15 +35,31 @@ from sfkit.analysis.scores import ScoreColumn, ScoreGrid
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
 from sfkit.merging import Recipe
 
+CANDIDATES = (
+    Individual(0, ("a", "b"), 30.0),
+    Individual(1, ("a", "c"), 20.0),
+    Individual(2, ("b", "c"), math.inf),
+    Individual(3, ("a", "b", "c"), 10.0),
+)
+POPULATIONS = ((0, 1, 2), (3, 1, 2))
+
 
 def population() -> PopulationHistory:
-    candidates = [
-        Individual(0, ("a", "b"), 30.0),
-        Individual(1, ("a", "c"), 20.0),
-        Individual(2, ("b", "c"), math.inf),
-        Individual(3, ("a", "b", "c"), 10.0),
-    ]
-    return summarise(("a", "b", "c"), candidates, [(0, 1, 2), (3, 1, 2)], metric="bad-1.0")
+    return summarise(("a", "b", "c"), CANDIDATES, POPULATIONS, metric="bad-1.0")
+
+
+def evolved() -> Evolution:
+    """The same search; Jaccard distances by hand: each of the first three pairs shares 1 of 3 sources, then
+    the whole set shares 2 of 3 with either subset.
+    """
+    return Evolution(
+        population(),
+        CANDIDATES,
+        ((1, 0, 2), (3, 1, 2)),
+        sizes=((2, 2.0, 2), (2, 7 / 3, 3)),
+        diversity=(2 / 3, (1 / 3 + 1 / 3 + 2 / 3) / 3),
+        archive=(3, 1, 0),
+    )
 
 
 def trace(*, tied: bool = True, evaluations: int = 12) -> RoutingTrace:
@@ -218,6 +235,7 @@ def regions() -> RegionScores:
 
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
+    "evolution": lambda theme: figures.evolution_figure(evolved(), theme=theme),
     "population sizes": lambda theme: figures.population_sizes_figure(sizes(), theme=theme),
     "comparison": lambda theme: figures.comparison_figure(comparison(), theme=theme),
     "comparison by benchmark": lambda theme: figures.benchmark_comparison_figure(compared(), theme=theme),

@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 import plotly.graph_objects as go
 import pytest
-from figure_records import costs, grid, population, trace
+from figure_records import costs, evolved, grid, population, trace
 
 from sfkit.errors import InputError
 from sfkit.figures import (
     cmaes_figure,
     cost_figure,
+    evolution_figure,
     population_figure,
     routing_figure,
     scales_figure,
@@ -41,6 +42,26 @@ def test_the_population_is_drawn_row_by_row_best_first() -> None:
     (scored,) = named(figure, "individual")
     assert (list(scored.x), list(scored.y)) == ([10.0, 20.0], [1, 2])
     assert "generation 1: {a, b, c} with bad-1.0 10.00 % leads" in figure.layout.title.subtitle.text
+
+
+def test_sizes_diversity_and_the_archive_stand_beside_each_other() -> None:
+    figure = evolution_figure(evolved(), archive=2)
+    sizes = {
+        name: list(named(figure, name)[0].y) for name in ("largest subset", "mean size", "smallest subset")
+    }
+    assert sizes == {"largest subset": [2, 3], "mean size": [2.0, 7 / 3], "smallest subset": [2, 2]}
+    (diversity,) = named(figure, "diversity")
+    assert list(diversity.y) == pytest.approx([2 / 3, 4 / 9])
+    (archive,) = named(figure, "archive")
+    assert [list(row) for row in archive.z] == [[1, 1, 1], [1, 0, 1]]
+    assert list(figure.layout.yaxis2.ticktext) == ["1: bad-1.0 10.00 %", "2: bad-1.0 20.00 %"]
+    assert "differ by 0.67 at first and 0.44 at the end" in figure.layout.title.subtitle.text
+
+
+def test_an_archive_may_be_empty() -> None:
+    figure = evolution_figure(replace(evolved(), archive=()))
+    (archive,) = named(figure, "archive")
+    assert len(archive.z or ()) == 0
 
 
 def test_a_failed_individual_is_a_cross_beyond_all_scores() -> None:

@@ -118,10 +118,14 @@ def flag_text(bench: RoutingWorkbench, seen: tuple[SeenByHand, ...]) -> str:
     if seen:
         return " ".join(map(str, seen))
     return " ".join(
-        f"{name}: a report tests on {len(ids)} pairs of this benchmark; an edit that is scored here makes "
-        "them no test, and the report says so."
+        f"{name}: a report tests on {_pairs(len(ids))} of this benchmark; an edit that is scored here makes "
+        "of that no test, and the report says so."
         for name, ids in bench.shared.items()
     )
+
+
+def _pairs(number: int) -> str:
+    return "1 pair" if number == 1 else f"{number} pairs"
 
 
 def score_state(value: float | None) -> State:

@@ -38,7 +38,7 @@ export function draggedWeight(from, right, down) {
  * @param {string[]} sources
  */
 export function standsUpright(sources) {
-  const words = sources.flatMap((name) => name.split(/(?<=-)|\s/));
+  const words = sources.flatMap((name) => name.split(/(?<=[-_])|\s/));
   return sources.length * Math.max(0, ...words.map((word) => word.length)) > LETTERS_ABREAST;
 }
 
@@ -97,7 +97,9 @@ export class WeightGrid {
 
   /** @param {string} source */
   head(source) {
-    const name = element("span", { class: "grid-name" }, source);
+    // Browsers break lines after hyphens by themselves, after underscores where they are allowed to.
+    const parts = source.split(/(?<=_)/).flatMap((part, n) => (n ? [element("wbr"), part] : [part]));
+    const name = element("span", { class: "grid-name" }, ...parts);
     const cell = element("div", { role: "columnheader", class: "grid-source", tabindex: -1 }, name);
     cell.addEventListener("click", () => this.take(source), { signal: this.view.signal });
     return cell;

@@ -53,12 +53,13 @@ export function scoreTable(view, model) {
   ask.addEventListener("click", () => view.send("score"), { signal: view.signal });
   view.watch(["look", "scores", "pins", "metric", "flag"], () => {
     const { name, unit, benchmark, pairs } = model.get("metric");
+    const all = `${pairs} ${pairs === 1 ? "pair" : "pairs"}`;
     const pins = Object.entries(model.get("pins")).sort();
     const look = model.get("look");
     const scores = model.get("scores");
     const known = scores.state === "known" || scores.state === "failed";
     ask.hidden = known || scores.state === "running";
-    ask.setAttribute("aria-label", `Score on all ${pairs} pairs of ${benchmark}`);
+    ask.setAttribute("aria-label", `Score on ${pairs === 1 ? "" : "all "}${all} of ${benchmark}`);
     const shown = look.reduction > 1 ? "…" : scoreText(look.score, unit);
     /** @param {string} title @param {Score} edited @param {Node | string} own @param {(pin: any) => Score} of */
     const row = (title, edited, own, of) =>
@@ -96,7 +97,7 @@ export function scoreTable(view, model) {
         "tbody",
         {},
         row("this pair", look.score, shown, (pin) => pin.pair),
-        row(`${benchmark}, ${pairs} pairs`, scores, own, (pin) => pin.benchmark),
+        row(`${benchmark}, ${all}`, scores, own, (pin) => pin.benchmark),
       ),
     );
     flag.textContent = model.get("flag");

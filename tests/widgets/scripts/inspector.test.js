@@ -20,6 +20,7 @@ test("weights are read as people write them", () => {
 test("names stand upright where the longest word has no room", () => {
   assert.equal(standsUpright(["far-scene", "thin-things", "open-ground"]), false);
   assert.equal(standsUpright(["far-scene", "thin-things", "open-ground", "plain", "haze", "uneven-exposure"]), true);
+  assert.equal(standsUpright(["kitti2012", "kitti2015", "hamza", "hamza_finetuned_again"]), false);
   assert.equal(standsUpright([]), false);
 });
 
