@@ -49,12 +49,6 @@ def bank_scores(
     All benchmarks and 24 held-out pairs a domain; with ``pairs``, only the first so many of each.
     """
     recipes = network_recipes(pool)
-    marked = score_recipes(
-        pool,
-        recipes,
-        [benchmark(name).first(pairs or BENCHMARK_PAIRS) for name in benchmarks()],
-        store=store,
-    )
     own = score_recipes(
         pool,
         recipes,
@@ -63,11 +57,19 @@ def bank_scores(
         store=store,
     )
     return BankScores(
-        benchmarks=_square(marked, METRIC),
+        benchmarks=benchmark_scores(pool, store=store, pairs=pairs),
         domains=_square(own, METRIC),
         errors=_square(own, "epe"),
         trainings=json.loads((folder / "trainings.json").read_text()),
     )
+
+
+def benchmark_scores(
+    pool: Pool, *, store: EvaluationStore | None = None, pairs: int | None = None
+) -> pd.DataFrame:
+    """bad-3.0 in percent of every network of a bank, a column a benchmark, the validation benchmark first."""
+    chosen = [benchmark(name).first(pairs or BENCHMARK_PAIRS) for name in benchmarks()]
+    return _square(score_recipes(pool, network_recipes(pool), chosen, store=store), METRIC)
 
 
 def network_recipes(pool: Pool) -> dict[str, Recipe]:
