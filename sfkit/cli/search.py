@@ -41,6 +41,7 @@ from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator
 from sfkit.evaluation.engines import check_engine
+from sfkit.evaluation.holdout import LEAST
 from sfkit.inspection import recipe_lines
 from sfkit.merging.saving import read_recipe
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings, subset_of
@@ -149,6 +150,8 @@ def search(
         for one in evaluators:
             guide = one.benchmark
             say(f"validation: {guide.name} ({guide.coverage}), {one.metric}, protocol {guide.protocol}")
+        if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
+            say(doubt)
         say(f"engine: {evaluators[0].engine.describe()}")
         say(f"cost: {cost(opened, evaluators, plan)}")
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
@@ -162,6 +165,16 @@ def search(
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
     text = _text(found, evaluators[0].metric, counts)
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
+
+
+def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
+    """What to know of a plain Stage 2 guided by fewer pairs than can be split; None where all is well."""
+    if stage2 is None or pairs >= LEAST or stage2.shrinkage > 0 or stage2.entropy > 0:
+        return None
+    return (
+        f"few pairs: what Stage 2 gains on {pairs} need not show elsewhere (docs/validation.md); "
+        "--shrinkage 0.05 or more benchmarks (--also) help"
+    )
 
 
 def _check_outputs(out: Path, store: Path) -> None:

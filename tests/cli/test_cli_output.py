@@ -161,6 +161,7 @@ def test_search(shell: Shell, world: Path) -> None:
     assert read_recipe(world / "run" / "merged.safetensors").as_dict() == document["recipe"]
     text, progress = shell(line)
     assert "cost: at most 14 evaluations of 2 pairs" in progress
+    assert "few pairs: what Stage 2 gains on 2 need not show elsewhere" in progress
     assert f"best epe: {document['score']:.4f} px" in text
 
 
@@ -177,6 +178,7 @@ def test_search_guarded_on_two_benchmarks(shell: Shell, world: Path) -> None:
     text, progress = shell(line)
     assert "validation: more (3 pairs), epe" in progress
     assert "pairs that guide" in text
+    assert "few pairs" not in progress
 
 
 def test_predict(shell: Shell, world: Path) -> None:
