@@ -18,6 +18,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeVar
 
+import torch
 from torch import nn
 
 from sfkit.architectures.inputs import InputConvention
@@ -25,6 +26,7 @@ from sfkit.errors import InputError, unknown_name
 
 Options = Mapping[str, Any]
 Blocks = Mapping[str, Sequence[str]]
+Matching = Callable[[nn.Module, torch.Tensor, torch.Tensor], Sequence[torch.Tensor]]
 Builder = TypeVar("Builder", bound=Callable[..., nn.Module])
 
 
@@ -45,6 +47,8 @@ class Architecture:
         rename: state-dict keys as found -> as the network names them, for layouts in the wild.
         check: refuses a state dict that loads but would be read wrongly (raises InputError).
         beside: a checkpoint's path -> options that a configuration file beside it gives.
+        matching: network, left, right -> its distributions over disparities or residuals, one a stage, each
+            (B, D, h, w) and summing to 1 over D; None where it has none.
         version: changes whenever the network's output changes; part of every evaluation's key.
     """
 
@@ -61,6 +65,7 @@ class Architecture:
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None
     beside: Callable[[Path], Options] | None = None
+    matching: Matching | None = None
 
     def is_optional(self, key: str) -> bool:
         """True for a key a checkpoint may lack, or have though the options leave that part out."""
@@ -99,6 +104,7 @@ def register_architecture(
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None,
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None,
     beside: Callable[[Path], Options] | None = None,
+    matching: Matching | None = None,
     version: str | None = None,
 ) -> Callable[[Builder], Builder]:
     """Register an ``nn.Module`` class, or a function that builds one, under ``name``.
@@ -124,6 +130,7 @@ def register_architecture(
             rename=rename,
             check=check,
             beside=beside,
+            matching=matching,
         )
         return builder
 

@@ -7,6 +7,8 @@ Each is called with a pool and an evaluator, and says what it chose, tried and c
     sfkit.baselines.baseline_table(run)
 """
 
+from sfkit.baselines.interference import dare, dare_ties, ties
+from sfkit.baselines.learned import adamerging, adamerging_blocks, fisher
 from sfkit.baselines.plain import single_best, single_best_oracle, task_arithmetic, uniform
 from sfkit.baselines.registry import (
     Baseline,
@@ -30,12 +32,17 @@ __all__ = [
     "Choice",
     "Network",
     "Trials",
+    "adamerging",
+    "adamerging_blocks",
     "baseline",
     "baseline_named",
     "baseline_table",
     "baselines",
     "catalogue",
+    "dare",
+    "dare_ties",
     "exhaustive",
+    "fisher",
     "greedy_soup",
     "greedy_soup_strict",
     "random_subsets",
@@ -46,5 +53,6 @@ __all__ = [
     "stage1",
     "stage1_2",
     "task_arithmetic",
+    "ties",
     "uniform",
 ]

@@ -35,6 +35,7 @@ class Trials:
         self.seconds = 0.0
         self._rows: list[dict[str, Any]] = []
         self._heard: dict[str, Outcome] = {}
+        self._passes = 0
 
     @property
     def evaluations(self) -> int:
@@ -43,8 +44,8 @@ class Trials:
 
     @property
     def image_passes(self) -> int:
-        """Image pairs that those evaluations take through a network."""
-        return self.evaluations * pairs_of(self.validation)
+        """Image pairs that went through a network for those evaluations and for gradients."""
+        return self.evaluations * sum(len(e.benchmark) for e in evaluators_of(self.validation)) + self._passes
 
     def score(
         self, recipes: Sequence[Recipe], tried: Sequence[dict[str, Any]] = (), *, pool: Pool | None = None
@@ -75,6 +76,14 @@ class Trials:
             self._count(outcome)
         self._rows += [{str(k): v for k, v in row.items()} for row in history.to_dict(orient="records")]
 
+    def passed(self, image_passes: int) -> None:
+        """Count image pairs that went through a network, forwards and backwards, outside evaluations."""
+        self._passes += image_passes
+
+    def noted(self, row: dict[str, Any]) -> None:
+        """Add a row to the history that is no evaluation."""
+        self._rows.append(row)
+
     @contextmanager
     def timed(self) -> Iterator[None]:
         """Count work that is no evaluation, such as trimming task vectors."""
@@ -97,8 +106,8 @@ def best_of(scores: Sequence[float]) -> int:
     return min(range(len(scores)), key=lambda n: (scores[n], n))
 
 
-def pairs_of(validation: Validation) -> int:
-    """Image pairs one evaluation takes through the network."""
-    if isinstance(validation, CombinedScorer):
-        return sum(pairs_of(part) for part in validation.evaluators if isinstance(part, Validation))
-    return len(validation.benchmark)
+def evaluators_of(validation: Validation) -> tuple[Evaluator, ...]:
+    """The evaluator, or those that are combined."""
+    if isinstance(validation, Evaluator):
+        return (validation,)
+    return tuple(part for part in validation.evaluators if isinstance(part, Evaluator))

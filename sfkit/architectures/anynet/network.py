@@ -36,14 +36,23 @@ class Trace:
         low: soft argmin of stages 1 to 3 at 1/16, 1/8 and 1/4 of the image size, (B, h, w) in pixels of
             that scale: a disparity in stage 1, a residual afterwards.
         disparities: disparity after each stage, (B, H, W) in pixels; the last one is the output.
+        costs: of the candidates of stages 1 to 3, (B, D, h, w).
     """
 
     low: tuple[torch.Tensor, ...]
     disparities: tuple[torch.Tensor, ...]
+    costs: tuple[torch.Tensor, ...]
+
+
+def matching(network: nn.Module, left: torch.Tensor, right: torch.Tensor) -> tuple[torch.Tensor, ...]:
+    """The distributions of stages 1 to 3: over disparities, then over residuals, each (B, D, h, w)."""
+    trace = cast(AnyNet, network).trace(left, right)
+    return tuple(torch.softmax(-cost, dim=1) for cost in trace.costs)
 
 
 @register_architecture(
     "anynet",
+    matching=matching,
     blocks=BLOCKS,
     inputs=InputConvention(multiple=MULTIPLE),
     optional=("refine_spn.*",),
@@ -97,24 +106,28 @@ class AnyNet(nn.Module):
         _check_images(left, right)
         size = (left.shape[-2], left.shape[-1])
         low: list[torch.Tensor] = []
+        costs: list[torch.Tensor] = []
         disparities: list[torch.Tensor] = []
         for stage, (a, b) in enumerate(zip(*self._features(left, right), strict=True)):
             previous = disparities[-1] if disparities else None
-            low.append(self._low(stage, a, b, previous))
+            cost, first = self._cost(stage, a, b, previous)
+            costs.append(cost)
+            low.append(soft_argmin(cost, first))
             step = _resize(low[-1] * (size[0] / a.shape[-2]), size)
             disparities.append(step if previous is None else previous + step)
         if self.refine_spn is not None:
             disparities.append(refine(self.refine_spn, left, disparities[-1]))
-        return Trace(tuple(low), tuple(disparities))
+        return Trace(tuple(low), tuple(disparities), tuple(costs))
 
     def use_route(self, route: Route) -> None:
         """Compute the 3-D convolutions by ``route`` from now on; results agree within rounding."""
         for stack in self.volume_postprocess:
             cast(VolumeStack, stack).route = route
 
-    def _low(
+    def _cost(
         self, stage: int, left: torch.Tensor, right: torch.Tensor, previous: torch.Tensor | None
-    ) -> torch.Tensor:
+    ) -> tuple[torch.Tensor, int]:
+        """What a stage thinks of its candidates, and the first of them."""
         if previous is None:
             cost, first = full_volume(left, right, self.ranges[0]), 0
         else:
@@ -125,7 +138,7 @@ class AnyNet(nn.Module):
             first = -reach
         # The residual is added although its candidate was sampled at disparity - k: the published weights
         # learned the sign this way round.
-        return soft_argmin(self.volume_postprocess[stage](cost), first)
+        return self.volume_postprocess[stage](cost), first
 
     def _features(self, left: torch.Tensor, right: torch.Tensor) -> tuple[Features, Features]:
         if self.training:  # batch statistics are those of one side, as in the published training
