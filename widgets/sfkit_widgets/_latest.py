@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import atexit
 import threading
 import time
 from collections.abc import Callable
+from weakref import WeakSet
 
 Job = Callable[[], None]
+
+PATIENCE = 10.0
+"""Seconds a process that ends waits for a job that has begun."""
 
 
 class Latest:
@@ -25,6 +30,7 @@ class Latest:
         self._job: Job | None = None
         self._due = 0.0
         self._thread: threading.Thread | None = None
+        _ALL.add(self)
 
     def submit(self, job: Job) -> None:
         """Do this one, unless another comes first."""
@@ -41,10 +47,10 @@ class Latest:
             self._job = None
             self._changed.notify_all()
 
-    def join(self) -> None:
-        """Wait until nothing is left to do."""
+    def join(self, timeout: float | None = None) -> None:
+        """Wait until nothing is left to do, or ``timeout`` seconds."""
         with self._changed:
-            self._changed.wait_for(lambda: self._thread is None)
+            self._changed.wait_for(lambda: self._thread is None, timeout)
 
     def _work(self) -> None:
         while (job := self._next()) is not None:
@@ -60,3 +66,14 @@ class Latest:
                 self._thread = None
                 self._changed.notify_all()
             return job
+
+
+_ALL: WeakSet[Latest] = WeakSet()
+
+
+@atexit.register
+def _end() -> None:
+    """A network that still runs while the interpreter goes away aborts the process."""
+    for latest in list(_ALL):
+        latest.cancel()
+        latest.join(PATIENCE)
