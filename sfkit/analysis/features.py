@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -49,12 +50,18 @@ def _outermost(
 class BlockOutputs:
     """Listens to modules while a network runs, and keeps their outputs' moments; a context manager.
 
-    Tensors of shape (N, C, H, W) have their channels in the second place, (N, L, C) in the last. A module
-    that runs several times, such as once a view, counts each time alike.
+    Tensors of shape (N, L, C) have their channels in the last place. Maps are (N, C, H, W), or (N, H, W, C)
+    as some transformers have them: of both, that whose H / W is nearer to the image's. A module that runs
+    several times, such as once a view, counts each time alike.
+
+    Args:
+        modules: by name, from :func:`block_modules`.
+        size: height and width of the network's input; without it maps are (N, C, H, W).
     """
 
-    def __init__(self, modules: Mapping[str, nn.Module]) -> None:
+    def __init__(self, modules: Mapping[str, nn.Module], size: tuple[int, int] | None = None) -> None:
         self._modules = dict(modules)
+        self._size = size
         self._heard: dict[tuple[str, int, int], list[tuple[Values, Values]]] = {}
         self._handles: list[torch.utils.hooks.RemovableHandle] = []
 
@@ -86,13 +93,20 @@ class BlockOutputs:
     def _listener(self, name: str) -> Any:
         def listen(_module: nn.Module, _inputs: Any, output: Any) -> None:
             for number, tensor in enumerate(_tensors(output)):
-                channels = tensor.shape[1] if tensor.ndim == 4 else tensor.shape[-1]
-                last = tensor.movedim(1, -1) if tensor.ndim == 4 else tensor
+                last = tensor.movedim(1, -1) if self._channels_first(tensor) else tensor
+                channels = last.shape[-1]
                 rows = last.reshape(-1, channels).double().cpu().numpy()
                 moments = rows.mean(axis=0), np.square(rows).mean(axis=0)
                 self._heard.setdefault((name, number, channels), []).append(moments)
 
         return listen
+
+    def _channels_first(self, tensor: torch.Tensor) -> bool:
+        if tensor.ndim != 4 or self._size is None:
+            return tensor.ndim == 4
+        wanted = math.log(self._size[0] / self._size[1])
+        first, last = (abs(math.log(tensor.shape[n] / tensor.shape[n + 1]) - wanted) for n in (2, 1))
+        return first <= last
 
 
 def _tensors(output: Any) -> Iterator[torch.Tensor]:

@@ -38,7 +38,8 @@ class TaskVectorGeometry:
         norms: (B, E) Euclidean norm of each source's task vector in each block.
         base_norms: (B,) norm of the base's parameters there.
         products: (B, E, E) inner products of task vectors in each block.
-        conflicts: (B,) share of the parameters that two sources or more moved, in which their signs differ.
+        shared: (B,) parameters that two sources or more moved.
+        conflicts: (B,) share of these in which the sources' signs differ.
         pair_conflicts: (E, E) share of the parameters that both sources moved, in which their signs differ.
     """
 
@@ -48,8 +49,15 @@ class TaskVectorGeometry:
     norms: Matrix
     base_norms: Matrix
     products: Matrix
+    shared: NDArray[np.int64]
     conflicts: Matrix
     pair_conflicts: Matrix
+
+    @property
+    def conflict(self) -> float:
+        """Share of all parameters that two sources or more moved in which their signs differ."""
+        total = int(self.shared.sum())
+        return float(self.conflicts @ self.shared) / total if total else 0.0
 
     @property
     def cosines(self) -> Matrix:
@@ -112,6 +120,7 @@ def task_vector_geometry(pool: Pool) -> TaskVectorGeometry:
         norms=np.sqrt(np.diagonal(products, axis1=1, axis2=2)),
         base_norms=np.sqrt([part.base for part in made]),
         products=products,
+        shared=np.array([part.shared for part in made]),
         conflicts=np.array(shares),
         pair_conflicts=pairs,
     )

@@ -103,7 +103,7 @@ def region_scores(
     by_region = {region: [_images(e, region) for e in evaluations] for region in REGIONS}
     found = {region: each for region, each in by_region.items() if any(each)}
     if textureless:
-        model = evaluator.pool.merge(evaluator.pool.base_recipe(), device=evaluator.device)
+        model = LiveModel(evaluator.pool, device=evaluator.device, mode=evaluator.mode)
         worker = Worker(model, evaluator.prepared)
         found[TEXTURELESS] = [
             _textureless(evaluator, recipe, worker, model) if not evaluation.failure else ()

@@ -157,7 +157,7 @@ def _with_network(pool: Pool, cue: str, block: str, device: str) -> Callable[[Sa
 
     def features(sample: Sample) -> Moments:
         pair = inputs.prepare(sample.left, sample.right)
-        with BlockOutputs(modules) as outputs:
+        with BlockOutputs(modules, size=(pair.left.shape[-2], pair.left.shape[-1])) as outputs:
             model.disparity(pair.left, pair.right)
         return outputs.moments()
 

@@ -85,8 +85,7 @@ def _answer(geometry: TaskVectorGeometry) -> str:
     if count < 2:
         return "one source: there is nothing to agree with"
     upper = geometry.cosines[np.triu_indices(count, 1)]
-    whole = float((geometry.conflicts * geometry.sizes).sum() / geometry.sizes.sum())
     return (
         f"cosines from {np.nanmin(upper):.2f} to {np.nanmax(upper):.2f}; signs conflict in "
-        f"{100 * whole:.0f} % of the parameters that two sources or more moved"
+        f"{100 * geometry.conflict:.0f} % of the parameters that two sources or more moved"
     )

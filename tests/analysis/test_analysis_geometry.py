@@ -24,7 +24,7 @@ def test_two_sources_on_one_parameter(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.norms[0], [1.0, 7.0, 7.5])
     np.testing.assert_allclose(found.relative[0], [20.0, 140.0, 150.0])
     np.testing.assert_allclose(found.cosines, [[1, -1, -1], [-1, 1, 1], [-1, 1, 1]])
-    assert found.conflicts[0] == 1.0
+    assert found.conflicts[0] == found.conflict == 1.0
     np.testing.assert_allclose(found.pair_conflicts, [[0, 1, 1], [1, 0, 0], [1, 0, 0]])
 
 
@@ -55,6 +55,7 @@ def test_numbers_are_those_of_the_files_tensor_by_tensor(
         signs = np.sign(vectors)
         shared = (signs != 0).sum(axis=0) >= 2
         differ = (signs == 1).any(axis=0) & (signs == -1).any(axis=0)
+        assert found.shared[number] == pytest.approx(shared.sum(), abs=1)
         assert found.conflicts[number] == pytest.approx(differ.sum() / shared.sum(), abs=1e-6)
         expected = np.corrcoef(vectors) * 0 + vectors @ vectors.T
         np.testing.assert_allclose(found.products[number], expected, rtol=1e-4, atol=1e-6)

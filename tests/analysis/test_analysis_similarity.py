@@ -12,6 +12,7 @@ from torch import nn
 
 from sfkit.analysis import BlockOutputs, block_modules, data_similarity, similarity_recipes
 from sfkit.analysis.similarity import frechet, warping_residual
+from sfkit.architectures import architecture, architectures
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError
@@ -65,6 +66,19 @@ def test_warping_by_the_true_disparity_leaves_nothing() -> None:
     assert np.isfinite(warping_residual(sample, np.full((32, 64), np.nan, np.float32))).all()
 
 
+@pytest.mark.parametrize("name", architectures())
+def test_every_architecture_has_a_backbone_to_listen_to(name: str) -> None:
+    entry = architecture(name)
+    options = entry.resolve({"vit_size": "vits"} if name == "foundation-stereo" else {})
+    network = entry.build(**options)
+    partition = BlockPartition.of(entry.blocks(options))
+    modules = block_modules(network, partition, "backbone")
+    keys = {key for key in network.state_dict() if partition.block_of(key) == 0}
+    heard = {f"{module}.{key}" for module, found in modules.items() for key in found.state_dict()}
+    assert heard <= keys
+    assert len(heard) > 0.9 * len(keys)
+
+
 class Two(nn.Module):
     """An encoder with a list inside, called once a view, and a head."""
 
@@ -104,6 +118,19 @@ def test_hooks_find_a_blocks_modules_in_any_network_and_hear_every_call() -> Non
         block_modules(network, partition, "backbon")
     with pytest.raises(InputError, match="found no output"):
         BlockOutputs(modules).moments()
+
+
+@pytest.mark.parametrize("size", [(64, 96), (96, 64)])
+def test_maps_with_channels_last_are_recognised_by_the_images_shape(size: tuple[int, int]) -> None:
+    network = nn.Identity()
+    maps = torch.rand(2, 3, size[0] // 4, size[1] // 4)
+    found = []
+    for shown in (maps, maps.movedim(1, -1)):
+        with BlockOutputs({"all": network}, size=size) as outputs:
+            network(shown)
+        found.append(outputs.moments())
+    np.testing.assert_allclose(found[0], found[1])
+    np.testing.assert_allclose(found[0][0], maps.double().mean(dim=(0, 2, 3)).numpy())
 
 
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:

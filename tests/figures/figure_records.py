@@ -192,7 +192,7 @@ def geometry() -> TaskVectorGeometry:
     norms = np.linalg.norm(vectors, axis=2)
     sizes = np.array([50, 50, 50])
     names, blocks = ("a", "b", "c"), ("one", "two", "(outside)")
-    return TaskVectorGeometry(names, blocks, sizes, norms, np.ones(3) * 40, products, conflicts, pairs)
+    return TaskVectorGeometry(names, blocks, sizes, norms, np.ones(3) * 40, products, sizes, conflicts, pairs)
 
 
 def probes() -> BlockProbes:
