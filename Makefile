@@ -46,8 +46,8 @@ lab: $(INSTALLED) ## open the notebooks in JupyterLab
 screenshots: $(INSTALLED) ## pictures of the widgets, light and dark, for the README
 	$(BIN)/python docs/screenshots.py
 
-bench: $(PEERS) ## measure speed and searches beside mergekit, pymoo and DEAP
-	env -u OMP_NUM_THREADS .venv-peers/bin/python benchmarks/merging.py
+bench: $(PEERS) ## measure merging, searches and engines beside their peers, into benchmarks/README.md
+	env -u OMP_NUM_THREADS .venv-peers/bin/python benchmarks/results.py merging search engines scale
 
 evidence: $(INSTALLED) ## compare plain and guarded Stage 2, hours; goes on where it was
 	$(BIN)/python benchmarks/evidence.py

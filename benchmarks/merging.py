@@ -79,7 +79,8 @@ class World:
         self.layout = FlatLayout.of(specs, self.partition)
         generator = torch.Generator().manual_seed(0)
         self.base = torch.randn(self.layout.size, generator=generator)
-        self.vectors = [torch.randn(self.layout.size, generator=generator) for _ in range(SOURCES)]
+        self.rows = torch.randn(SOURCES, self.layout.size, generator=generator)
+        self.vectors = list(self.rows)
         self.names = tuple(f"s{e}" for e in range(SOURCES))
         self.out = torch.empty(self.layout.size)
 
@@ -124,6 +125,11 @@ def measure(elements: int, threads: int) -> list[Record]:
     together = best_of(lambda: merge_many(batch, world.layout, world.base, world.vectors, outs), 3)
     record("ours, 8 recipes together", together, SOURCES, BATCH)
     outs = torch.empty(0)
+    # What task vectors in one buffer would allow, by one call of BLAS: no pool holds them so.
+    weights = torch.full((1, SOURCES), 1 / SOURCES)
+    target, base = world.out.unsqueeze(0), world.base.unsqueeze(0)
+    one_call = best_of(lambda: torch.addmm(base, weights, world.rows, out=target))
+    record("one buffer, one call", one_call, SOURCES)
     record("naive dict of tensors", best_of(lambda: naive(world), 3), SOURCES)
     record("in-place add_", best_of(lambda: in_place(world), 3), SOURCES)
     halves = [vector.bfloat16() for vector in world.vectors]
@@ -178,15 +184,17 @@ def main() -> None:
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    rows = []
+    rows, bandwidths = [], []
     for threads in options.threads:
         torch.set_num_threads(threads)
         copy, triad = bandwidth(1 << 27)
+        bandwidths.append({"threads": threads, "copy": copy, "triad": triad})
         print(f"{threads} threads: copy {copy / 1e9:.1f} GB/s, triad {triad / 1e9:.1f} GB/s", file=sys.stderr)
         for elements in options.elements:
             rows += measure(elements, threads)
     if options.json:
-        print(json.dumps([{**asdict(row), "ratio": row.ratio} for row in rows], indent=2))
+        found = [{**asdict(row), "ratio": row.ratio} for row in rows]
+        print(json.dumps({"bandwidth": bandwidths, "rows": found}, indent=2))
         return
     print(f"{'variant':28s} {'elements':>12s} {'threads':>7s} {'ms a recipe':>12s} {'x limit':>8s}")
     for row in rows:

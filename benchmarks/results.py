@@ -1,4 +1,4 @@
-"""Recorded results: run a section's measurements and write them into ``docs/results.md``.
+"""Recorded results: run a section's measurements and write them into its document.
 
     python benchmarks/results.py --list
     python benchmarks/results.py bigpool
@@ -6,8 +6,10 @@
 
 To add a section, add ``benchmarks/sections/NAME.py`` with a docstring and ``section() -> str``: Markdown that
 begins with a ``## `` heading and says which commands it ran. Underscores in the file's name are hyphens in
-the section's. Nothing else needs to know of it: date, machine and command are added here, and the text
-between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` is replaced, or added at the end.
+the section's. What is about speed, or about searches on known ground, says ``DOCUMENT =
+"benchmarks/README.md"``; other sections go to ``docs/results.md``. Nothing else needs to know of it: date,
+machine and command are added here, and the text between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` is
+replaced, or added at the end.
 """
 
 from __future__ import annotations
@@ -22,11 +24,16 @@ from pathlib import Path
 from processes import machine
 
 HERE = Path(__file__).parent
-RESULTS = HERE.parent / "docs" / "results.md"
-PREAMBLE = """# Measured results
+ROOT = HERE.parent
+RESULTS = "docs/results.md"
+PREAMBLES = {
+    RESULTS: """# Measured results
 
 Every section was written by the command it names, on the machine it names; none is edited by hand.
-"""
+Speed is in [benchmarks](../benchmarks/README.md).
+""",
+    "benchmarks/README.md": "# Benchmarks\n",
+}
 
 
 def names() -> list[str]:
@@ -55,17 +62,21 @@ def replaced(document: str, name: str, text: str) -> str:
     return f"{document.rstrip()}\n\n{block}\n"
 
 
-def record(name: str, path: Path = RESULTS) -> None:
-    """Run a section's measurements and write them.
+def record(name: str, root: Path = ROOT) -> Path:
+    """Run a section's measurements, write them, and return the document's path.
 
     Args:
         name: one of :func:`names`.
-        path: the document; it comes into being with the first section.
+        root: the checkout; a document comes into being with its first section.
     """
-    text = made(name, importlib.import_module(f"sections.{name.replace('-', '_')}").section())
+    module = importlib.import_module(f"sections.{name.replace('-', '_')}")
+    document = getattr(module, "DOCUMENT", RESULTS)
+    text = made(name, module.section())
+    path = root / document
     path.parent.mkdir(parents=True, exist_ok=True)
-    document = path.read_text(encoding="utf-8") if path.is_file() else PREAMBLE
-    path.write_text(replaced(document, name, text), encoding="utf-8")
+    before = path.read_text(encoding="utf-8") if path.is_file() else PREAMBLES[document]
+    path.write_text(replaced(before, name, text), encoding="utf-8")
+    return path
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -82,8 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         print("\n".join(known))
         return
     for name in options.section or known:
-        record(name)
-        print(f"wrote section {name} of {RESULTS.name}")
+        print(f"wrote section {name} of {record(name).relative_to(ROOT)}")
 
 
 if __name__ == "__main__":

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from processes import call, shown
 
+DOCUMENT = "benchmarks/README.md"
+
 COMMAND = ("anynet_speed.py", "--json")
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from bigpool import PLANS, TARGET_MB, measure, table
 from processes import shown
 
+DOCUMENT = "benchmarks/README.md"
+
 
 def section() -> str:
     """The table, and whether the target for anonymous memory was met."""

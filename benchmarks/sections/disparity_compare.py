@@ -6,6 +6,8 @@ import importlib
 
 from processes import shown
 
+DOCUMENT = "benchmarks/README.md"
+
 
 def section() -> str:
     """One row an image size and arrangement."""

@@ -6,6 +6,8 @@ import statistics
 
 from processes import call, shown
 
+DOCUMENT = "benchmarks/README.md"
+
 COMMAND = ("early_stopping.py", "--json")
 POLICIES = ("survivors", "survivors, hard first", "lazy", "lazy, hard first")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from processes import call, shown
 
+DOCUMENT = "benchmarks/README.md"
+
 SCRIPT = "foundation_stereo_speed.py"
 SMALL = ("--height", "128", "--width", "256", "--max-disp", "192", "--iterations", "4")
 CASES = (

@@ -5,6 +5,8 @@ from __future__ import annotations
 from bigpool import PLANS, measure, table
 from processes import shown
 
+DOCUMENT = "benchmarks/README.md"
+
 
 def section() -> str:
     """The table."""

@@ -6,6 +6,8 @@ import importlib
 
 from processes import call, shown
 
+DOCUMENT = "benchmarks/README.md"
+
 
 def section() -> str:
     """One row a variant at 384 x 1248."""

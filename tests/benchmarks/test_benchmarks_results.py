@@ -37,6 +37,7 @@ def test_every_section_can_be_found_and_has_its_parts(results: ModuleType) -> No
         module = importlib.import_module(f"sections.{name.replace('-', '_')}")
         assert callable(module.section), name
         assert module.__doc__, name
+        assert getattr(module, "DOCUMENT", results.RESULTS) in results.PREAMBLES, name
 
 
 def test_a_section_replaces_itself_alone(results: ModuleType) -> None:
@@ -54,9 +55,10 @@ def test_a_record_says_when_how_and_on_what_but_not_where(
     module = importlib.import_module("sections.anynet_speed")
     row = {"height": 16, "width": 32, "threads": 1, "plain_ms": 9.04, "fast_ms": 3.0, "ratio": 3.013}
     monkeypatch.setattr(module, "call", lambda *_: [row])
-    results.record("anynet-speed", tmp_path / "docs" / "results.md")
-    written = (tmp_path / "docs" / "results.md").read_text()
-    assert written.startswith(results.PREAMBLE)
+    path = results.record("anynet-speed", tmp_path)
+    assert path == tmp_path / "benchmarks" / "README.md"
+    written = path.read_text()
+    assert written.startswith(results.PREAMBLES["benchmarks/README.md"])
     assert "| 16 x 32 | 1 | 9.0 | 3.0 | 3.01 |" in written
     assert re.search(r"Measured 20\d\d-\d\d-\d\d by `python benchmarks/results.py anynet-speed`", written)
     assert f"on {os.cpu_count()} cores and " in written

@@ -1,0 +1,201 @@
+"""Past this machine: searches on 1 to 256 workers, simulated from measured times of evaluations.
+
+    python benchmarks/scale.py [--json]
+
+Two searches: the paper's on FoundationStereo (Stage 1 took 1.2 h and Stage 2 2.4 h on 4 GPUs), and ours on
+the embedded bank, whose seconds an evaluation are measured here. Within a generation workers take evaluations
+in turn, and the next generation begins when all are done; that wait is the barrier. Stage 1 evaluates the new
+subsets of each generation, as many as our search proposes on the bank; Stage 2 evaluates CMA-ES populations.
+With images shared out, the engines' own schedule (``sfkit.evaluation.engines.schedule``) cuts evaluations by
+images at a generation's end. Not simulated: machines that differ, and messages that are lost.
+"""
+
+from __future__ import annotations
+
+import argparse
+import heapq
+import json
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cache
+
+import numpy as np
+import torch
+from search import Landscape, genetic
+
+from sfkit import Evaluator, bank, open_pool
+from sfkit.bank.exhaustive import subset_scores
+from sfkit.evaluation.engines.schedule import Board
+from sfkit.search import SubsetSettings
+
+WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+TRIALS = 300  # of Stage 2
+SPREAD = 0.05  # standard deviation of an evaluation's time over its mean, as measured on the bank
+FASTEST = 1.25e9  # bytes a second from one machine to the next: 10 Gbit Ethernet
+
+
+@dataclass(frozen=True)
+class Case:
+    """A search to simulate.
+
+    Attributes:
+        name: for people.
+        images: of the validation benchmark.
+        stage1: seconds an evaluation of Stage 1 takes on one worker.
+        stage2: the same of Stage 2.
+        dimensions: of Stage 2; CMA-ES proposes 4 + 3 ln n at a time.
+        merge: seconds of an evaluation that every worker repeats when images are shared out.
+        vectors: bytes of base and task vectors that a worker holds.
+    """
+
+    name: str
+    images: int
+    stage1: float
+    stage2: float
+    dimensions: int
+    merge: float
+    vectors: int
+
+
+@dataclass(frozen=True)
+class Row:
+    """One case on one number of workers; idle is the share of workers' time that the barrier costs."""
+
+    case: str
+    workers: int
+    hours: float
+    idle: float
+    hours_shared: float
+    idle_shared: float
+    broadcast: float
+    memory: float
+
+
+@cache
+def generations() -> tuple[int, ...]:
+    """New subsets in each generation of our Stage 1 on the bank, seed 0, the paper's settings."""
+    land, settings = Landscape(subset_scores()), SubsetSettings()
+    masks, seen, found = genetic(settings)(land, 0), set[int](), []
+    for first in range(0, len(masks), settings.population):
+        new = set(masks[first : first + settings.population]) - seen
+        seen |= new
+        found.append(len(new))
+    return tuple(found)
+
+
+def paper() -> Case:
+    """FoundationStereo ViT-L, 11 sources, 27 pairs: seconds such that 4 GPUs need 1.2 h and 2.4 h."""
+    parameters = 37_600_000  # that the sources change; the ViT is frozen
+    dimensions = 4 * 6 + 4
+    first, second = (
+        hours * 3600 / simulate(batches, 1.0, 4)[0]
+        for hours, batches in ((1.2, generations()), (2.4, populations(dimensions)))
+    )
+    return Case("paper, FoundationStereo", 27, first, second, dimensions, 0.05, 12 * 4 * parameters)
+
+
+def embedded(pairs: int = 8) -> Case:
+    """The bank on this machine's CPU, measured on a few subsets."""
+    torch.set_num_threads(1)
+    pool = open_pool(bank.pool_path())
+    with Evaluator(pool, bank.benchmark(bank.VALIDATION).first(pairs)) as scorer:
+        scorer([pool.equal(name) for name in pool.names[:2]])
+        seconds = [outcome.seconds for outcome in scorer([pool.equal(name) for name in pool.names[2:8]])]
+        live = pool.merge(pool.uniform())
+        began = time.perf_counter()
+        live.apply(pool.uniform())
+        spent = time.perf_counter() - began
+    each = min(seconds)
+    return Case("bank, AnyNet", pairs, each, each, 4 * 6 + 4, spent, 12 * 4 * pool.layout.size)
+
+
+def populations(dimensions: int) -> tuple[int, ...]:
+    """CMA-ES populations of 4 + 3 ln n that make up the trials of Stage 2."""
+    size = 4 + math.floor(3 * math.log(dimensions))
+    rest = TRIALS % size
+    return (size,) * (TRIALS // size) + ((rest,) if rest else ())
+
+
+def simulate(
+    batches: Sequence[int], seconds: float, workers: int, *, images: int = 1, merge: float = 0.0
+) -> tuple[float, float]:
+    """Wall seconds, and seconds in which workers worked, of batches that each begin after the one before.
+
+    Args:
+        batches: evaluations in each.
+        seconds: that an evaluation takes on one worker.
+        workers: how many.
+        images: into how many an evaluation may be cut; 1 keeps it whole. The engines' own ``Board`` cuts.
+        merge: seconds of an evaluation that are spent anew for every part.
+    """
+    rng = np.random.default_rng(0)
+    wall = busy = 0.0
+    for count in batches:
+        board = Board(count, images, workers)
+        factors = np.maximum(0.5, rng.normal(1.0, SPREAD, count))
+        free = [0.0] * workers
+        while (part := board.take()) is not None:
+            share = (part.stop - part.start) / images
+            spent = (merge + (seconds - merge) * share) * float(factors[part.number])
+            busy += spent
+            heapq.heappush(free, heapq.heappop(free) + spent)
+        wall += max(free)
+    return wall, busy
+
+
+def run(case: Case, workers: int) -> Row:
+    """Both stages, with whole evaluations and with images shared out."""
+    stages = ((generations(), case.stage1), (populations(case.dimensions), case.stage2))
+    whole = [simulate(batches, seconds, workers) for batches, seconds in stages]
+    shared = [
+        simulate(batches, seconds, workers, images=case.images, merge=case.merge)
+        for batches, seconds in stages
+    ]
+    wall, busy = (sum(column) for column in zip(*whole, strict=True))
+    wall_shared, busy_shared = (sum(column) for column in zip(*shared, strict=True))
+    return Row(
+        case.name,
+        workers,
+        wall / 3600,
+        1 - busy / (wall * workers),
+        wall_shared / 3600,
+        1 - busy_shared / (wall_shared * workers),
+        case.vectors / FASTEST * math.ceil(math.log2(workers + 1)),
+        case.vectors / 2**30,
+    )
+
+
+def measure() -> list[Row]:
+    """Every case on every number of workers."""
+    cases = (paper(), embedded())
+    return [run(case, workers) for case in cases for workers in WORKERS]
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as a Markdown table."""
+    lines = [
+        "| search | workers | hours | idle at the barrier | hours, images shared | idle | broadcast, s "
+        "| vectors a worker, GiB |",
+        "|---|--:|--:|--:|--:|--:|--:|--:|",
+    ]
+    lines += [
+        f"| {r.case} | {r.workers} | {r.hours:.3f} | {100 * r.idle:.0f} % | {r.hours_shared:.3f} "
+        f"| {100 * r.idle_shared:.0f} % | {r.broadcast:.2f} | {r.memory:.3f} |"
+        for r in rows
+    ]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Simulate and print a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
+    options = parser.parse_args(arguments)
+    rows = measure()
+    print(json.dumps([asdict(row) for row in rows]) if options.json else table(rows))
+
+
+if __name__ == "__main__":
+    main()

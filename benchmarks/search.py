@@ -1,0 +1,240 @@
+"""Searches against the true optimum: how many evaluations they need on a landscape that is known in full.
+
+    python benchmarks/search.py [--seeds 200] [--json]
+
+All 2047 subsets of the embedded bank are scored (``sfkit.bank.exhaustive``), so no network runs: an
+evaluation is a look into that table, and only distinct ones count, as in the evaluation store. Regret is the
+best score found so far minus the best of all subsets of two or more, in percentage points of bad-3.0.
+pymoo and DEAP take part where they are installed (``make bench``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from sfkit.bank.exhaustive import SubsetScores, subset_scores
+from sfkit.evaluation.outcome import Outcome
+from sfkit.merging.recipe import Recipe
+from sfkit.search import SubsetSearch, SubsetSettings
+from sfkit.search.breeding import Draft, bred, initial, survivors
+from sfkit.search.operators import Chromosome, SubsetSpace, mutate, random_chromosome
+
+SEEDS = 200
+POPULATIONS = (10, 20, 30, 40, 50, 60)
+MARKS = (50, 100, 200, 300)
+TRIES = 20
+
+
+class Landscape:
+    """A table of scores by bit mask, and the best of all subsets of two or more."""
+
+    def __init__(self, table: SubsetScores, *, quick: bool = False) -> None:
+        self.names = table.names
+        self.scores = table.quick if quick else table.scores
+        self.space = SubsetSpace.free(len(table.names))
+        self.best = min(score for mask, score in self.scores.items() if mask.bit_count() >= 2)
+
+    def regrets(self, masks: Iterable[int]) -> list[float]:
+        """The regret after each distinct evaluation; a subset of one source costs, and wins nothing."""
+        found, best = [], float("inf")
+        for mask in dict.fromkeys(masks):
+            if mask.bit_count() >= 2:
+                best = min(best, self.scores[mask])
+            found.append(best - self.best)
+        return found
+
+
+def mask_of(genes: Iterable[int]) -> int:
+    """The bit mask of a chromosome."""
+    return sum(1 << gene for gene in genes)
+
+
+Search = Callable[[Landscape, int], list[int]]
+"""Landscape and seed -> the masks evaluated, in order."""
+
+
+def genetic(settings: SubsetSettings, *, fresh: bool = False) -> Search:
+    """Our Stage 1; with ``fresh``, an offspring that was evaluated before mutates until it is new."""
+
+    def run(land: Landscape, seed: int) -> list[int]:
+        met: list[int] = []
+        seen: set[int] = set()
+        numbered: list[tuple[Chromosome, tuple[float, int]]] = []
+
+        def hear(drafts: Sequence[Draft], rng: np.random.Generator) -> list[tuple[float, int]]:
+            ranks = []
+            for draft in drafts:
+                chromosome = draft.chromosome
+                for _ in range(TRIES if fresh else 0):
+                    if mask_of(chromosome) not in seen:
+                        break
+                    chromosome, _ = mutate(chromosome, land.space, rng)
+                mask = mask_of(chromosome)
+                seen.add(mask)
+                met.append(mask)
+                ranks.append((land.scores[mask], len(numbered)))
+                numbered.append((chromosome, ranks[-1]))
+            return ranks
+
+        rng = np.random.default_rng([seed, 1, 0])
+        population = hear(initial(settings, land.space, (), rng), rng)
+        for generation in range(1, settings.generations + 1):
+            rng = np.random.default_rng([seed, 1, generation])
+            parents = [numbered[number] for _, number in population]
+            offspring = hear(bred(parents, settings, land.space, rng), rng)
+            population = list(survivors([*population, *offspring], settings.population, rng))
+        return met
+
+    return run
+
+
+def random_search(land: Landscape, seed: int) -> list[int]:
+    """Subsets drawn as the initial population is, 800 of them like a search of 50 x 16."""
+    rng = np.random.default_rng([seed, 2])
+    return [mask_of(random_chromosome(land.space, rng)) for _ in range(800)]
+
+
+def greedy_soup(land: Landscape, _: int) -> list[int]:
+    """Wortsman et al. 2022: all sources alone, then each in turn where the mean scores no worse with it."""
+    alone = [1 << n for n in range(len(land.names))]
+    first, *rest = sorted(alone, key=lambda mask: land.scores[mask])
+    soup, met = first, list(alone)
+    for mask in rest:
+        met.append(soup | mask)
+        if land.scores[soup | mask] <= land.scores[soup]:
+            soup |= mask
+    return met
+
+
+def searches() -> dict[str, Search]:
+    """Everything that is compared, by name."""
+    paper = SubsetSettings()
+    found: dict[str, Search] = {
+        "sfkit, the paper's settings": genetic(paper),
+        "sfkit, M = 20 and T = 39": genetic(SubsetSettings(population=20, generations=39)),
+        "sfkit, no subset twice": genetic(paper, fresh=True),
+        "random search": random_search,
+        "greedy soup": greedy_soup,
+    }
+    if importlib.util.find_spec("pymoo"):
+        from peers_search import pymoo_ga
+
+        found["pymoo GA"] = pymoo_ga
+    if importlib.util.find_spec("deap"):
+        from peers_search import deap_simple
+
+        found["DEAP eaSimple"] = deap_simple
+    return found
+
+
+@dataclass(frozen=True)
+class Row:
+    """One search over all seeds.
+
+    Attributes:
+        name: of the search.
+        candidates: proposed, repetitions included; median over seeds.
+        distinct: evaluated; median over seeds.
+        optimum: share of seeds that found the best subset.
+        to_optimum: distinct evaluations until then, median over those seeds; NaN where there is none.
+        regrets: mean regret after ``MARKS`` distinct evaluations, and at the end; percentage points.
+        curve: mean regret after each number of distinct evaluations; a search that ended keeps its last.
+    """
+
+    name: str
+    candidates: float
+    distinct: float
+    optimum: float
+    to_optimum: float
+    regrets: tuple[float, ...]
+    curve: tuple[float, ...]
+
+
+def measure(name: str, search: Search, land: Landscape, seeds: int) -> Row:
+    """Run a search from every seed."""
+    runs = [search(land, seed) for seed in range(seeds)]
+    regrets = [land.regrets(run) for run in runs]
+    hits = [curve.index(0.0) + 1 for curve in regrets if 0.0 in curve]
+    longest = max(MARKS[-1], *(len(curve) for curve in regrets))
+    even = np.array([curve + [curve[-1]] * (longest - len(curve)) for curve in regrets])
+    even[np.isinf(even)] = max(land.scores.values()) - land.best  # nothing found yet: the worst there is
+    mean = even.mean(axis=0)
+    return Row(
+        name,
+        float(np.median([len(run) for run in runs])),
+        float(np.median([len(curve) for curve in regrets])),
+        len(hits) / seeds,
+        float(np.median(hits)) if hits else float("nan"),
+        (*(float(mean[mark - 1]) for mark in MARKS), float(mean[-1])),
+        tuple(float(value) for value in mean),
+    )
+
+
+def check(land: Landscape) -> None:
+    """The genetic algorithm here walks the way of ``SubsetSearch`` itself, candidate by candidate."""
+    table = subset_scores()
+
+    def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
+        return [Outcome(land.scores[table.mask(recipe.sources)]) for recipe in recipes]
+
+    for seed in range(2):
+        search = SubsetSearch(land.names, ("all",), scorer, SubsetSettings(seed=seed))
+        search.run()
+        theirs = [table.mask(candidate.recipe.sources) for candidate in search.state.candidates]
+        if theirs != genetic(SubsetSettings())(land, seed):
+            raise SystemExit(f"seed {seed}: this benchmark's search left the way of SubsetSearch")
+
+
+def compare(seeds: int, *, quick: bool = False) -> tuple[list[Row], list[Row]]:
+    """All searches, and ours over population sizes with the paper's 15 generations."""
+    land = Landscape(subset_scores(), quick=quick)
+    check(land)
+    rows = [measure(name, search, land, seeds) for name, search in searches().items()]
+    sizes = []
+    for size in POPULATIONS:
+        settings = SubsetSettings(population=size)
+        sizes.append(measure(str(size), genetic(settings), land, seeds))
+    return rows, sizes
+
+
+def table(rows: Sequence[Row], first: str) -> str:
+    """The rows as a Markdown table."""
+    marks = " | ".join(f"regret at {mark}" for mark in MARKS)
+    lines = [
+        f"| {first} | candidates | distinct | found the optimum | after distinct | {marks} | at the end |",
+        "|---|--:|--:|--:|--:|" + "--:|" * (len(MARKS) + 1),
+    ]
+    for row in rows:
+        regrets = " | ".join(f"{value:.3f}" for value in row.regrets)
+        after = "never" if np.isnan(row.to_optimum) else f"{row.to_optimum:.0f}"
+        lines.append(
+            f"| {row.name} | {row.candidates:.0f} | {row.distinct:.0f} | {100 * row.optimum:.0f} % "
+            f"| {after} | {regrets} |"
+        )
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Compare and print two tables, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--quick", action="store_true", help="the scores on 8 pairs instead of 20")
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    options = parser.parse_args(arguments)
+    rows, sizes = compare(options.seeds, quick=options.quick)
+    if options.json:
+        print(json.dumps({"searches": [asdict(r) for r in rows], "populations": [asdict(r) for r in sizes]}))
+        return
+    print(table(rows, "search"))
+    print()
+    print(table(sizes, "population"))
+
+
+if __name__ == "__main__":
+    main()
