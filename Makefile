@@ -3,9 +3,9 @@
 PYTHON ?= python3
 # Test processes: the tests are independent of each other.
 JOBS ?= 2
-# How often `make soak` kills a search in this process, and the tests it runs.
+# How often `make soak` kills a search (and a twentieth of that in each parallel engine), and the tests it runs.
 KILLS ?= 1000
-SOAK := tests/search/test_search_killed.py
+SOAK := tests/search/test_search_killed.py tests/search/test_search_killed_engines.py
 # More for pytest, for instance: make test PYTEST="-k pool"
 PYTEST ?=
 
@@ -32,7 +32,8 @@ test: $(INSTALLED) ## run all tests
 	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile $(PYTEST)
 
 soak: $(INSTALLED) ## kill searches at many more random moments; KILLS=1000 unless said otherwise
-	SFKIT_KILLS=$(KILLS) SFKIT_KILLS_SEED=$$(date +%s) $(BIN)/python -m pytest --slow -n $(JOBS) $(SOAK) $(PYTEST)
+	SFKIT_KILLS=$(KILLS) SFKIT_ENGINE_KILLS=$$(( ($(KILLS) + 19) / 20 )) SFKIT_KILLS_SEED=$$(date +%s) \
+	  $(BIN)/python -m pytest --slow -n $(JOBS) $(SOAK) $(PYTEST)
 
 lint: $(INSTALLED) ## check style, types, and that notebooks carry no outputs
 	$(BIN)/ruff check .

@@ -4,7 +4,7 @@ Which sources take part? A genetic algorithm over subsets; every candidate is sc
 merge of its subset (eq. 4), and the best of everything ever evaluated is the pool of Stage 2.
 
 Every candidate is evaluated on all images, losers too: bounds that could stop one early and change nothing
-save 3 to 7 % of image passes on the embedded bank (``benchmarks/early_stopping.py``), too little to keep
+save 3 to 8 % of image passes on the embedded bank (``benchmarks/early_stopping.py``), too little to keep
 scores that are no scores.
 """
 

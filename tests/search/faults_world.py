@@ -17,7 +17,7 @@ import torch
 from safetensors.torch import save_file
 from tiny import write_pairs
 
-PATIENCE = 300  # seconds; only a machine in trouble needs more for one evaluation
+PATIENCE = 600  # seconds; only a machine in trouble needs more for one evaluation
 TIMING = ["cached", "seconds"]  # what tells of this run, not of the search
 WORDS = (
     *("search", "pool", "-b", "pairs", "-r", "pairs", "--metric", "epe", "--seed", "3", "--yes", "--json"),
