@@ -17,7 +17,7 @@ app = typer.Typer(help="The embedded bank of trained networks.", no_args_is_help
 @app.command("build")
 def build(
     name: Annotated[
-        str, typer.Argument(help="bank, or bank-slim: narrower networks, a third of the time.")
+        str, typer.Argument(help="bank, or bank-slim: narrower networks, half the time.")
     ] = "bank",
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="The folder to build in; runs/NAME unless given.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import nbformat
 import pandas as pd
@@ -10,6 +11,9 @@ import pytest
 from nbformat import NotebookNode
 
 from sfkit.reports import report
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "report.ipynb"
 PLOTLY = "application/vnd.plotly.v1+json"
@@ -84,3 +88,26 @@ def test_every_figure_was_drawn_and_nothing_complained(executed: NotebookNode) -
     assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 8
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
     assert "sfkit report report -p benchmark_pairs 2" in "".join(o.get("text", "") for o in outputs)
+
+
+@pytest.mark.browser
+def test_the_page_shows_every_figure_without_a_network(folder: Path, browser: Browser) -> None:
+    context = browser.new_context(offline=True, viewport={"width": 1100, "height": 900})
+    noise: list[str] = []
+    asked: list[str] = []
+    page = context.new_page()
+    page.set_default_timeout(300_000)  # eight figures take a busy machine long
+    page.on("console", lambda message: noise.append(f"{message.type}: {message.text}"))
+    page.on("pageerror", lambda error: noise.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    address = (folder / "page.html").as_uri()
+    page.goto(address)
+    page.wait_for_function("[...document.querySelectorAll('.plot')].every(p => p.querySelector('.gtitle'))")
+    titles = page.locator(".plot .gtitle").all_text_contents()
+    assert len(titles) == 8
+    assert all("?" in title for title in titles)
+    assert "Deploy single best (validation)" in page.locator("main li").first.inner_text()
+    assert page.locator("table").count() >= 10
+    context.close()
+    assert noise == []
+    assert [url for url in asked if not url.startswith(("data:", "blob:"))] == [address]
