@@ -126,6 +126,7 @@ def ray_for(engine: str, cpus: int) -> Iterator[None]:
     import ray
 
     ray.init(
+        address="local",  # one of our own, also where another Ray runs
         num_cpus=cpus,
         include_dashboard=False,
         log_to_driver=False,
