@@ -202,7 +202,8 @@ class RoutingSearch(Search[RoutingCandidate]):
             told = [candidate for candidate in state.candidates if candidate.generation == generation]
             cma = cmas[self._turn(generation)]
             cma.ask()
-            cma.tell(_values(told, state.candidates[: told[-1].number + 1]))
+            if len(told) == self.population:  # one that the budget cut was never told
+                cma.tell(_values(told, state.candidates[: told[-1].number + 1]))
         return cmas
 
     def _scored(

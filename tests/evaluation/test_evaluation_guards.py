@@ -136,12 +136,15 @@ def test_a_guarded_search_resumes_through_the_store_and_repeats_nothing(
         assert plain.counts.cached >= 2, "evaluations are the same with a hold-out and without"
 
 
-@pytest.mark.parametrize("holdout", [0.5, 3])
-def test_a_guarded_step_that_was_interrupted_can_be_taken_again(pool: Pool, holdout: float) -> None:
+@pytest.mark.parametrize(("holdout", "after"), [(0.5, 30), (3, 30), (3, 59)])
+def test_a_guarded_step_that_was_interrupted_can_be_taken_again(
+    pool: Pool, holdout: float, after: int
+) -> None:
+    """After 59 of 60 evaluations only the folds' average is left, behind a population that was cut."""
     values = (4.5, 5.5, 5.0, 6.0, 3.5)
     whole, broken = (searched(pool, values, holdout=holdout) for _ in range(2))
     whole.run()
-    for _ in range(5):
+    while len(broken.candidates) < after:
         broken.step()
     scorer = broken._scorer
 
