@@ -20,7 +20,7 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test soak lint lab screenshots bench clean
+.PHONY: help demo test peers soak lint lab screenshots bench clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
@@ -30,6 +30,9 @@ demo: $(INSTALLED) ## both stages on the embedded bank, in about two minutes
 
 test: $(INSTALLED) ## run all tests
 	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile $(PYTEST)
+
+peers: $(PEERS) ## cross-check merging against mergekit, in its own environment
+	.venv-peers/bin/python -m pytest tests/peers $(PYTEST)
 
 soak: $(INSTALLED) ## kill searches at many more random moments; KILLS=1000 unless said otherwise
 	SFKIT_KILLS=$(KILLS) SFKIT_ENGINE_KILLS=$$(( ($(KILLS) + 19) / 20 )) SFKIT_KILLS_SEED=$$(date +%s) \
