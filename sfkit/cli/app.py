@@ -11,7 +11,7 @@ from typing import TextIO
 import typer
 
 import sfkit
-from sfkit.cli import bank, cache, data, demo, evaluate, merge, predict, report, runs, search, show
+from sfkit.cli import bank, baselines, cache, data, demo, evaluate, merge, predict, report, runs, search, show
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
@@ -26,6 +26,7 @@ app.command("demo")(demo.demo)
 app.command("search")(search.search)
 app.command("merge")(merge.merge)
 app.command("evaluate")(evaluate.evaluate)
+app.command("baselines")(baselines.baselines)
 app.command("predict")(predict.predict)
 app.command("show")(show.show)
 app.command("report")(report.report)

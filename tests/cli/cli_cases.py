@@ -33,6 +33,10 @@ def _evaluate(id_: str, rest: str, *words: str) -> Case:
     return _case(f"evaluate-{id_}", f"evaluate pool -b pairs -r pairs --store new/s.sqlite {rest}", *words)
 
 
+def _baselines(id_: str, rest: str, *words: str) -> Case:
+    return _case(f"baselines-{id_}", f"baselines pool -b pairs -r pairs --store new/s.sqlite {rest}", *words)
+
+
 def _search(id_: str, rest: str, *words: str) -> Case:
     return _case(f"search-{id_}", f"search pool -b pairs -r pairs -o new {rest}", *words)
 
@@ -141,6 +145,19 @@ EVALUATE = (
     _evaluate("mask", "--uniform --protocol openstereo -b eth3d -r eth3d", "openstereo", "mask0nocc.png"),
 )
 
+BASELINES = (
+    _baselines("name", "--names unifrom", "'unifrom'", "did you mean 'uniform'"),
+    _baselines("name-after-others", "--names uniform,tise", "'tise'", "did you mean 'ties'"),
+    _baselines("no-names", "--names ,", "--names", "empty"),
+    _baselines("oracle", "--names uniform,single_best_oracle", "'single_best_oracle'", "sfkit report"),
+    _baselines("seed", "--seed -1", "seed", "-1"),
+    _baselines("population", "--population 1", "population", "1", "at least 2"),
+    _baselines("evaluations", "--evaluations 0", "evaluations", "0", "at least 1"),
+    _baselines("metric", "--metric bad1.o", "'bad1.o'", "did you mean"),
+    _baselines("out-exists", "--names uniform -o scores.csv", "scores.csv", "exists", "--force"),
+    _baselines("store-garbage", "--store garbage.sqlite", "garbage.sqlite", "not a database"),
+)
+
 SEARCH = (
     _search("population", "--population 0", "population", "0", "at least 2"),
     _search("population-text", "--population many", "--population", "integer"),
@@ -247,4 +264,4 @@ OTHERS = (
     _case("option", "--verison", "--verison", "--version"),
 )
 
-CASES = (*POOLS, *PAIRS, *EVALUATE, *SEARCH, *MERGE, *PREDICT, *OTHERS)
+CASES = (*POOLS, *PAIRS, *EVALUATE, *BASELINES, *SEARCH, *MERGE, *PREDICT, *OTHERS)

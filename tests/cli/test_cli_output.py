@@ -17,6 +17,7 @@ from cli_world import rename_sources
 from safetensors.torch import load_file, save_file
 from tiny import base_state, write_pairs, write_pool
 
+from sfkit.baselines import running
 from sfkit.cli import main
 from sfkit.cli.app import app
 from sfkit.datasets.pfm import read_pfm
@@ -124,6 +125,42 @@ def test_evaluate_a_recipe_and_the_sources_of_another(shell: Shell) -> None:
     names = [row["network"] for row in document["scores"]]
     assert names == ["sources of mix.safetensors", "mix.safetensors"]
     assert document["scores"][0]["score"] != document["scores"][1]["score"]
+
+
+METHODS = "uniform,ties,stage1,random_subsets"
+
+
+def test_baselines(shell: Shell, world: Path) -> None:
+    line = (
+        f"baselines pool {PAIRS} --names {METHODS} --population 4 --generations 2 --seed 3 --store s.sqlite"
+    )
+    document = shell.json(f"{line} -o table.csv")
+    rows = {row["name"]: row for row in document["baselines"]}
+    assert list(rows) == METHODS.split(",")
+    assert document["unit"] == "px"
+    assert document["skipped"] == {}
+    (uniform,) = shell.json(f"evaluate pool {PAIRS} --uniform")["scores"]
+    assert rows["uniform"]["score"] == uniform["score"]
+    assert rows["random_subsets"]["evaluations"] <= rows["stage1"]["evaluations"], "an equal budget"
+    table = pd.read_csv(world / "table.csv", index_col="method")
+    assert table["validation"].tolist() == pytest.approx([row["score"] for row in rows.values()])
+    assert table.loc["TIES", "evaluations"] == rows["ties"]["evaluations"]
+    (world / "ties.json").write_text(json.dumps(rows["ties"]["recipe"]))
+    (again,) = shell.json(f"evaluate pool {PAIRS} --recipe ties.json")["scores"]
+    assert again["score"] == rows["ties"]["score"], "the recipe rebuilds the network that was scored"
+    text, progress = shell(line)
+    assert "epe under protocol all-valid on pairs, which tunes them" in text
+    assert f"{rows['ties']['score']:.4f} px" in next(t for t in text.splitlines() if t.startswith("TIES"))
+    assert "4 of 4 methods done" in progress
+
+
+def test_baselines_that_do_not_suit_are_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "baselines", lambda: ("uniform", "single_best_oracle"))
+    assert list(shell.json(f"baselines pool {PAIRS}")["skipped"]) == ["single_best_oracle"]
+    text, _ = shell(f"baselines pool {PAIRS}")
+    (line,) = [line for line in text.splitlines() if "skipped: " in line]
+    assert line.startswith("single best (oracle)")
+    assert "found no tests" in line
 
 
 def test_merge_and_show(shell: Shell, world: Path) -> None:

@@ -73,7 +73,8 @@ def test_bad_input_is_refused(
 BEFORE_THE_POOL = (
     "no-root", "metric", "protocol", "benchmark", "evaluate-nothing", "evaluate-empty", "evaluate-not-json",
     "evaluate-device", "evaluate-out-ending", "evaluate-out-exists", "evaluate-store-garbage",
-    "evaluate-store-folder", "search-population", "search-generations", "search-start-alone", "search-out",
+    "evaluate-store-folder", "baselines-name", "baselines-oracle", "baselines-population",
+    "baselines-out-exists", "search-population", "search-generations", "search-start-alone", "search-out",
     "search-kept", "search-store", "merge-nothing", "merge-two", "merge-negative", "merge-exists",
     "merge-ending", "merge-folder", "merge-under-file",
 )  # fmt: skip

@@ -94,5 +94,5 @@ def test_make_and_pre_commit_strip_the_same(texts: dict[str, str]) -> None:
 def test_the_readme_names_every_task_and_command(texts: dict[str, str]) -> None:
     for name in re.findall(r"^([a-z-]+):.*## ", texts["Makefile"], re.M):
         assert f"make {name}" in texts["README.md"] + texts["CONTRIBUTING.md"]
-    for command in ("search", "merge", "evaluate", "predict", "show", "data check", "report"):
+    for command in ("search", "merge", "evaluate", "baselines", "predict", "show", "data check", "report"):
         assert f"sfkit {command}" in texts["README.md"]
