@@ -33,6 +33,7 @@ from sfkit.cli.options import (
     device_of,
     emit,
     pool_of,
+    prepared,
     say,
     store_of,
 )
@@ -42,7 +43,6 @@ from sfkit.evaluation import Evaluator
 from sfkit.evaluation.engines import check_engine
 from sfkit.evaluation.table import score_table, write_table
 from sfkit.merging import Pool, Recipe
-from sfkit.merging.preparation import prepared_for
 from sfkit.merging.steps import Step
 
 
@@ -98,10 +98,11 @@ def evaluate(
     recipes = _members(opened) if members else {}
     recipes |= _all_subsets(opened) if all_subsets else {}
     recipes |= {name: choose(opened) for name, choose in asked.items()}
+    pools = {recipe.preparation: prepared(name, opened, recipe) for name, recipe in recipes.items()}
     evaluator = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
     with store_of(store) as kept, evaluator.with_store(kept) as scorer:
         say(f"engine: {scorer.engine.describe()}")
-        scores = _scores(scorer, recipes)
+        scores = _scores(scorer, recipes, pools)
     if out is not None:
         write_table(scores, out)
     emit(_document(opened, evaluator, scores), _text(evaluator, scores), as_json=json)
@@ -109,19 +110,17 @@ def evaluate(
         raise typer.Exit(1)
 
 
-def _scores(scorer: Evaluator, recipes: Mapping[str, Recipe]) -> pd.DataFrame:
+def _scores(
+    scorer: Evaluator, recipes: Mapping[str, Recipe], pools: Mapping[tuple[Step, ...], Pool]
+) -> pd.DataFrame:
     """The table of all recipes; each preparation of task vectors has a pool and an evaluator of its own."""
     groups: dict[tuple[Step, ...], dict[str, Recipe]] = {}
     for name, recipe in recipes.items():
         groups.setdefault(recipe.preparation, {})[name] = recipe
     return pd.concat(
         [
-            score_table(
-                [scorer.with_pool(prepared_for(scorer.pool, next(iter(group.values()))))],
-                group,
-                progress=_progress,
-            )
-            for group in groups.values()
+            score_table([scorer.with_pool(pools[steps])], group, progress=_progress)
+            for steps, group in groups.items()
         ],
         ignore_index=True,
     )

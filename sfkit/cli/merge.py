@@ -18,9 +18,9 @@ from sfkit.cli.options import (
     choosers,
     emit,
     pool_of,
+    prepared,
 )
 from sfkit.errors import InputError
-from sfkit.merging.preparation import prepared_for
 from sfkit.merging.saving import read_origin, save_merged
 
 
@@ -56,9 +56,9 @@ def merge(
     for member in (opened.base, *opened.sources):
         if out.exists() and out.samefile(member.path):
             raise InputError(f"--out: {out} is the pool's own {member.name!r}, give another name")
-    (choose,) = asked.values()
+    ((name, choose),) = asked.items()
     chosen = choose(opened)
-    written = save_merged(prepared_for(opened, chosen), chosen, out, form=form, overwrite=force)
+    written = save_merged(prepared(name, opened, chosen), chosen, out, form=form, overwrite=force)
     origin = read_origin(written)
     licences = origin.licences if origin else {}
     document = {"file": written, "recipe": chosen.as_dict(), "licences": licences}

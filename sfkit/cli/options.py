@@ -15,6 +15,7 @@ from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe
+from sfkit.merging.preparation import prepared_for
 from sfkit.merging.saving import read_recipe
 from sfkit.places import BANK, open_benchmark, open_benchmarks, open_pool
 from sfkit.search import subset_of, transfer
@@ -154,6 +155,20 @@ def choosers(
         read = read_recipe(recipe)
         found[str(recipe)] = lambda pool: _named(recipe, lambda: _checked(pool, read))
     return found
+
+
+def prepared(name: str, pool: Pool, recipe: Recipe) -> Pool:
+    """The pool a recipe is for, made by its steps where it has any.
+
+    Args:
+        name: of the recipe: its file, if it was read from one.
+        pool: as it was opened.
+        recipe: whose steps are done.
+
+    Raises:
+        InputError: as :func:`sfkit.merging.preparation.prepared_for`; the sentence names the file.
+    """
+    return _named(name, lambda: prepared_for(pool, recipe))
 
 
 def source_names(argument: str, text: str) -> tuple[str, ...]:

@@ -94,7 +94,8 @@ def prepared_for(pool: Pool, recipe: Recipe, *, importances: Importances | None 
     """The pool a recipe is for: ``pool`` itself, or one made from it by the recipe's steps.
 
     Raises:
-        InputError: the pool was prepared otherwise, or the steps need what is not there.
+        InputError: the pool was prepared otherwise, the steps need what is not there, or the recipe names
+            sources they do not make.
     """
     if not recipe.preparation or recipe.preparation == pool.preparation:
         pool.check_recipe(recipe)
@@ -104,7 +105,9 @@ def prepared_for(pool: Pool, recipe: Recipe, *, importances: Importances | None 
             f"recipe: merges task vectors after {describe(recipe.preparation)}, expected "
             f"{describe(pool.preparation)} as in this pool: give the pool as it was read"
         )
-    return prepare(pool, *recipe.preparation, importances=importances)
+    made = prepare(pool, *recipe.preparation, importances=importances)
+    made.check_recipe(recipe)
+    return made
 
 
 def measured(importances: Importances) -> str:

@@ -51,11 +51,12 @@ class Origin:
 
 def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:
     """The text entries a merged file carries; :func:`read_origin` reads them back."""
+    signed = pool.signed(recipe)
     weighing = [n for e, n in enumerate(recipe.sources) if any(row[e] for row in recipe.weights)]
     members = {origin.name: origin for name in weighing for origin in pool.origins[name]}
     described = pool.describe()
     values = {
-        "recipe": pool.signed(recipe).as_dict(),
+        "recipe": signed.as_dict(),
         "pool": pool.name,
         "architecture": {key: described[key] for key in ("name", "version", "options")},
         "blocks": dict(zip(pool.blocks, map(list, pool.partition.patterns), strict=True)),

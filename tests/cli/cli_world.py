@@ -6,6 +6,7 @@ import json
 import shutil
 import sqlite3
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -15,6 +16,7 @@ import torch
 from safetensors.torch import load_file, save_file
 from tiny import write_pairs, write_pool
 
+from sfkit import Elect, FisherMean, Trim
 from sfkit.datasets.pfm import write_pfm
 from sfkit.merging import Recipe, open_pool
 from sfkit.merging.saving import save_merged
@@ -148,6 +150,8 @@ def _bad_pairs(world: Path) -> None:
 def _recipes(world: Path) -> None:
     names = tuple(SOURCES.values())
     good = Recipe.equal(names, BLOCKS)
+    one = Recipe.weighted({"ties": 1.0}, BLOCKS)
+    fisher = FisherMean("0", on="eth3d", name="ties")
     texts = {
         "good": good.to_json(),
         "strong": Recipe.weighted({"kitti": 0.5, "driving": 0.5}, BLOCKS, scale=2.0).to_json(),
@@ -159,6 +163,10 @@ def _recipes(world: Path) -> None:
         "lacking": json.dumps({k: v for k, v in good.as_dict().items() if k != "scales"}),
         "malformed": json.dumps({**good.as_dict(), "weights": [0.5, 0.5]}),
         "nan": good.to_json().replace("0.3333333333333333", "NaN", 1),
+        "no-step": replace(one, preparation=(Elect(),)).to_json().replace('"elect"', '"elekt"'),
+        "step-source": replace(one, preparation=(Trim(), Elect(sources=("kiti",)))).to_json(),
+        "step-name": replace(one, preparation=(Trim(), Elect("other"))).to_json(),
+        "step-fisher": replace(one, preparation=(fisher,)).to_json(),
     }
     for name, text in texts.items():
         (world / f"{name}.json").write_text(text)

@@ -12,17 +12,20 @@ import nbformat
 import numpy as np
 import pandas as pd
 import pytest
+import torch
 import typer
 from cli_world import rename_sources
 from safetensors.torch import load_file, save_file
 from tiny import base_state, write_pairs, write_pool
 
+from sfkit import Elect, Evaluator, Trim, open_benchmark, prepare
 from sfkit.baselines import running
+from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.cli import main
 from sfkit.cli.app import app
 from sfkit.datasets.pfm import read_pfm
 from sfkit.evaluation import EvaluationStore
-from sfkit.merging import LiveModel
+from sfkit.merging import LiveModel, Recipe, open_pool
 from sfkit.merging.saving import read_recipe
 
 PAIRS = "-b pairs -r pairs"
@@ -179,6 +182,31 @@ def test_merge_and_show(shell: Shell, world: Path) -> None:
     assert shell.json("show pool")["members"]["kitti"]["exists"]
     shell(f"evaluate pool {PAIRS} --uniform --store s.sqlite")
     assert shell.json("show s.sqlite")["evaluations"] == 1
+
+
+def test_a_recipe_with_steps_is_rebuilt_bit_for_bit(shell: Shell, world: Path) -> None:
+    """From its JSON, from the merged file, and from the torch file beside which it lies."""
+    pool = open_pool("pool")
+    made = prepare(pool, Trim(0.3), Elect(sources=("kitti", "indoor")))
+    recipe = made.signed(Recipe.weighted({"ties": 1.3}, made.blocks))
+    expected = made.state_dict(recipe)
+    (world / "ties.json").write_text(recipe.to_json())
+    document = shell.json("merge pool --recipe ties.json -o ties.safetensors")
+    assert document["recipe"] == recipe.as_dict()
+    assert list(document["licences"]) == ["base", "kitti", "indoor"], "of all that the steps made one of"
+    shell("merge pool --recipe ties.safetensors -o again.safetensors")
+    shell("merge pool --recipe again.safetensors -o torch.pth --form original")
+    assert (world / "again.safetensors").read_bytes() == (world / "ties.safetensors").read_bytes()
+    for found in (load_file(world / "ties.safetensors"), read_checkpoint(world / "torch.pth").tensors):
+        assert found.keys() == expected.keys()
+        assert all(torch.equal(found[key], expected[key]) for key in expected)
+    plain = pool.state_dict(pool.equal("kitti", "indoor"))
+    assert not all(torch.equal(plain[key], expected[key]) for key in expected)
+    (outcome,) = Evaluator(made, open_benchmark("pairs", "pairs"))([recipe])
+    for file in ("ties.json", "again.safetensors"):
+        rows = shell.json(f"evaluate pool {PAIRS} --subset kitti,indoor --recipe {file}")["scores"]
+        assert [row["network"] for row in rows] == ["kitti+indoor", file]
+        assert rows[1]["score"] == outcome.score != rows[0]["score"]
 
 
 def test_the_original_form_says_its_origin_too(shell: Shell) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -139,6 +140,14 @@ def test_a_merged_file_suffices_to_rebuild_the_network_bit_for_bit(
     assert origin is not None
     assert origin.sources["a"]["fingerprint"] == pool.identity["a"], "it names the files it was made from"
     assert origin.licences["a"] == "licence of a"
+
+
+def test_a_recipe_over_sources_its_steps_do_not_make_is_refused(pool: Pool, tmp_path: Path) -> None:
+    recipe = replace(Recipe.weighted({"ties": 1.0}, pool.blocks), preparation=(Trim(0.5), Elect("other")))
+    with pytest.raises(InputError, match="'ties', expected one of: other"):
+        prepared_for(pool, recipe)
+    with pytest.raises(InputError, match="'ties', expected one of: other"):
+        save_merged(prepare(pool, Trim(0.5), Elect("other")), recipe, tmp_path / "merged.safetensors")
 
 
 def test_a_reader_refuses_what_it_cannot_rebuild(pool: Pool) -> None:
