@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
 import torch
 
 from sfkit.checkpoints.checks import Kind
@@ -68,18 +69,24 @@ def _fisher(stack: torch.Tensor, information: list[torch.Tensor], floor: float, 
 
 
 class _Election:
-    """Signs by the sum of the entries; a sum of 0 waits for the majority of the whole vector."""
+    """Signs by the sum of the entries; a sum of 0 waits for the majority of the whole vector.
+
+    Comparisons are numpy's, on the same memory: torch takes 10 times as long for them.
+    """
 
     def __init__(self, step: Elect, weights: Sequence[float]) -> None:
         self.step = step
         self.weights = torch.tensor(weights, dtype=torch.float32)[:, None] if weights else None
+        # No sum of voices is smaller, unless nobody has one; tiny where float32 cannot tell a weight from 0.
+        least = 1.0 if self.weights is None else float(self.weights.min())
+        self.least = max(least, torch.finfo(torch.float32).tiny)
         self.balance = 0.0  # entries that elect plus, less those that elect minus
         self.undecided: list[Piece] = []
 
     def write(self, stack: torch.Tensor, out: torch.Tensor, piece: Piece) -> None:
         signs = self._signs(stack)
         if self.step.zero == "plus":
-            signs = torch.where(signs == 0, 1.0, signs)
+            _fill_zeros(signs, 1.0)
         else:
             self.balance += float(signs.sum(dtype=torch.float64))
             if self._cancels(stack, signs):
@@ -92,7 +99,8 @@ class _Election:
         for piece in self.undecided if majority else ():
             stack = gather(piece)
             signs = self._signs(stack)
-            self._combine(stack, torch.where(signs == 0, majority, signs), out[piece.start : piece.stop])
+            _fill_zeros(signs, majority)
+            self._combine(stack, signs, out[piece.start : piece.stop])
 
     def _signs(self, stack: torch.Tensor) -> torch.Tensor:
         if self.weights is not None:
@@ -102,13 +110,21 @@ class _Election:
     @staticmethod
     def _cancels(stack: torch.Tensor, signs: torch.Tensor) -> bool:
         """True where entries that are not 0 sum to 0: with all at 0 the sign does not matter."""
-        empty = signs == 0
-        return bool(empty.any()) and bool((stack[:, empty] != 0).any())
+        empty = signs.numpy() == 0
+        if not empty.any():
+            return False
+        bits = np.bitwise_or.reduce(stack.numpy().view(np.uint32), axis=0)
+        return bool(((bits << 1 != 0) & empty).any())  # the bit shifted out is the sign: -0 is 0
 
     def _combine(self, stack: torch.Tensor, signs: torch.Tensor, out: torch.Tensor) -> None:
         agreeing = stack.mul_(signs).clamp_(min=0.0)  # magnitudes of those that agree, 0 for the others
         torch.sum(agreeing, dim=0, out=out)
         if self.step.combine == "mean":
             voices = agreeing.sign_() if self.weights is None else agreeing.sign_().mul_(self.weights)
-            out.div_(torch.where(out == 0, 1.0, voices.sum(dim=0)))
+            out.div_(voices.sum(dim=0).clamp_(min=self.least))  # 0 / least where there is none
         out.mul_(signs)
+
+
+def _fill_zeros(signs: torch.Tensor, sign: float) -> None:
+    values = signs.numpy()
+    np.copyto(values, np.float32(sign), where=values == 0)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 
+import numpy as np
 import torch
 
 SAMPLE = 1 << 16
@@ -44,31 +45,37 @@ class _Inside:
     def __init__(self, low: float, high: float) -> None:
         self.low, self.high = low, high
         self.count = 0
-        self._kept: list[torch.Tensor] = []
+        self._kept: list[np.ndarray] = []
 
-    def add(self, magnitudes: torch.Tensor) -> None:
+    def add(self, magnitudes: np.ndarray, inside: np.ndarray) -> None:
         if self.low == self.high:
-            self.count += int((magnitudes == self.low).sum())
+            self.count += int(np.count_nonzero(inside))
             return
-        kept = magnitudes[(magnitudes >= self.low) & (magnitudes <= self.high)]
-        self.count += kept.numel()
+        kept = magnitudes[inside]
+        self.count += kept.size
         self._kept.append(kept)
 
     def largest(self, k: int) -> float:
         """The k-th largest of them."""
         if self.low == self.high:
             return self.low
-        every = torch.cat(self._kept)
+        every = torch.from_numpy(np.concatenate(self._kept))
         return float(torch.kthvalue(every, every.numel() - k + 1).values)
 
 
 def _inspect(chunks: Chunks, low: float, high: float) -> tuple[int, _Inside]:
-    """How many magnitudes lie above the bracket, and those inside it."""
+    """How many magnitudes lie above the bracket, and those inside it.
+
+    Comparisons, counts and boolean indices in numpy: it has vector instructions for them, while torch takes
+    5 to 10 times as long.
+    """
     inside, above = _Inside(low, high), 0
+    least, most = np.float32(low), np.float32(high)
     for chunk in chunks():
-        magnitudes = chunk.abs()
-        above += int((magnitudes > high).sum())
-        inside.add(magnitudes)
+        magnitudes = np.abs(chunk.numpy())
+        higher = magnitudes > most
+        above += int(np.count_nonzero(higher))
+        inside.add(magnitudes, (magnitudes >= least) ^ higher)
     return above, inside
 
 

@@ -106,7 +106,7 @@ def _below(value: float) -> float:
 def _thresholds(row: Row, step: Trim, layout: FlatLayout) -> dict[str, float]:
     """Smallest kept magnitude by key; a tensor without an entry keeps all: the source did not change it."""
     weights = [tensor for tensor in pieces(layout) if tensor and tensor[0].kind is Kind.WEIGHT]
-    changed = [tensor for tensor in weights if any(bool(row.read(piece).any()) for piece in tensor)]
+    changed = [tensor for tensor in weights if any(_changed(row.read(piece)) for piece in tensor)]
     groups = [changed] if step.per == "vector" else [[tensor] for tensor in changed]
     found: dict[str, float] = {}
     for group in groups:
@@ -117,6 +117,10 @@ def _thresholds(row: Row, step: Trim, layout: FlatLayout) -> dict[str, float]:
         if value > 0.0:  # else fewer entries than that are not 0, and all of them stay
             found.update((tensor[0].key, value) for tensor in group)
     return found
+
+
+def _changed(values: torch.Tensor) -> bool:
+    return bool((values.numpy() != 0).any())  # some 10 times as fast as torch's any
 
 
 def _read(row: Row, tensors: list[tuple[Piece, ...]]) -> Iterator[torch.Tensor]:
