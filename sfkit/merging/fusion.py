@@ -58,7 +58,7 @@ def fuse(
 def _gather(rows: Sequence[Row], piece: Piece, scratch: torch.Tensor) -> torch.Tensor:
     stack = scratch[:, : piece.stop - piece.start]
     for e, row in enumerate(rows):
-        stack[e].copy_(row.read(piece))
+        row.copy(piece, stack[e])
     return stack
 
 
@@ -82,49 +82,44 @@ class _Election:
         self.least = max(least, torch.finfo(torch.float32).tiny)
         self.balance = 0.0  # entries that elect plus, less those that elect minus
         self.undecided: list[Piece] = []
+        self._signs, self._voices = torch.empty(2, PIECE, dtype=torch.float32)
 
     def write(self, stack: torch.Tensor, out: torch.Tensor, piece: Piece) -> None:
-        signs = self._signs(stack)
+        signs, zero = self._elect(stack)
         if self.step.zero == "plus":
-            _fill_zeros(signs, 1.0)
-        else:
-            self.balance += float(signs.sum(dtype=torch.float64))
-            if self._cancels(stack, signs):
-                self.undecided.append(piece)
-        self._combine(stack, signs, out)
+            self._combine(stack, signs, zero, 1.0, out)
+            return
+        self.balance += float(signs.sum())  # exact: whole numbers, and a piece has far less than 2**24
+        self._combine(stack, signs, zero, 1.0, out)
+        # Where a sum of 0 elects plus, those that are not 0 show: entries that sum to 0 are not all negative.
+        elected = out.numpy()
+        if bool(((elected != 0) & zero).any()):
+            self.undecided.append(piece)
+            elected[zero] = 0.0
 
     def settle(self, gather: Callable[[Piece], torch.Tensor], out: torch.Tensor) -> None:
         """Give the sums of 0 the sign most entries have; where as many have either, they stay 0."""
         majority = float((self.balance > 0) - (self.balance < 0))
         for piece in self.undecided if majority else ():
             stack = gather(piece)
-            signs = self._signs(stack)
-            _fill_zeros(signs, majority)
-            self._combine(stack, signs, out[piece.start : piece.stop])
+            self._combine(stack, *self._elect(stack), majority, out[piece.start : piece.stop])
 
-    def _signs(self, stack: torch.Tensor) -> torch.Tensor:
+    def _elect(self, stack: torch.Tensor) -> tuple[torch.Tensor, np.ndarray]:
+        """Signs of the sums, and where these are 0."""
         if self.weights is not None:
             stack.mul_(self.weights)
-        return stack.sum(dim=0).sign_()
+        signs = torch.sum(stack, dim=0, out=self._signs[: stack.shape[1]]).sign_()
+        return signs, signs.numpy() == 0
 
-    @staticmethod
-    def _cancels(stack: torch.Tensor, signs: torch.Tensor) -> bool:
-        """True where entries that are not 0 sum to 0: with all at 0 the sign does not matter."""
-        empty = signs.numpy() == 0
-        if not empty.any():
-            return False
-        bits = np.bitwise_or.reduce(stack.numpy().view(np.uint32), axis=0)
-        return bool(((bits << 1 != 0) & empty).any())  # the bit shifted out is the sign: -0 is 0
-
-    def _combine(self, stack: torch.Tensor, signs: torch.Tensor, out: torch.Tensor) -> None:
+    def _combine(
+        self, stack: torch.Tensor, signs: torch.Tensor, zero: np.ndarray, sign: float, out: torch.Tensor
+    ) -> None:
+        """What agrees with ``signs``, with ``sign`` in the places of ``zero``; overwrites its arguments."""
+        np.copyto(signs.numpy(), np.float32(sign), where=zero)
         agreeing = stack.mul_(signs).clamp_(min=0.0)  # magnitudes of those that agree, 0 for the others
         torch.sum(agreeing, dim=0, out=out)
         if self.step.combine == "mean":
             voices = agreeing.sign_() if self.weights is None else agreeing.sign_().mul_(self.weights)
-            out.div_(voices.sum(dim=0).clamp_(min=self.least))  # 0 / least where there is none
+            counted = torch.sum(voices, dim=0, out=self._voices[: stack.shape[1]])
+            out.div_(counted.clamp_(min=self.least))  # 0 / least where there is none
         out.mul_(signs)
-
-
-def _fill_zeros(signs: torch.Tensor, sign: float) -> None:
-    values = signs.numpy()
-    np.copyto(values, np.float32(sign), where=values == 0)

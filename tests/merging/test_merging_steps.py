@@ -183,6 +183,26 @@ def test_a_sum_of_zero_takes_the_sign_of_the_majority_or_plus() -> None:
     assert close(fused(Elect(), [1.0, -2.0, 5.0], [-1.0, 0.0, 0.0]), [0.0, -2.0, 5.0])  # as many of either
 
 
+def test_rows_trimmed_while_they_are_elected_give_what_trimmed_vectors_give() -> None:
+    """Over several pieces, with sums of 0 that wait for the majority, a frozen tensor, and statistics."""
+    layout = layout_of(2 * PIECE + 7, 5, statistics=3)
+    generator = torch.Generator().manual_seed(0)
+    vectors = [(2 * torch.randn(layout.size, generator=generator)).round() for _ in range(4)]
+    vectors[1][2 * PIECE + 7 : 2 * PIECE + 12] = 0.0
+    rows = [thinned(row(v, str(n)), Trim(0.4), layout, f"{n}t", Thresholds()) for n, v in enumerate(vectors)]
+    whole = [read(made, layout) for made in rows]
+    out = torch.full((layout.size,), torch.nan)
+    fuse(Elect(), rows, layout, out)
+    assert torch.equal(out, fused(Elect(), *whole, statistics=3))
+    stack = torch.stack(whole)[:, :-3]
+    sums = stack.sum(dim=0)
+    majority = torch.where(sums == 0, sums.sign().sum().sign(), sums.sign())
+    agree = (stack.sign() == majority) & (stack != 0)
+    assert bool(((sums == 0) & agree.any(dim=0)).any())
+    expected = (stack * agree).sum(dim=0) / agree.sum(dim=0).clamp(min=1)
+    assert torch.allclose(out[:-3], expected)
+
+
 def test_statistics_become_their_mean() -> None:
     vectors = [[1.0, 0.5, -0.25], [-0.5, 0.1, 0.75]]
     information = [torch.tensor([1.0, 9.0, 9.0]), torch.tensor([3.0, 1.0, 1.0])]
