@@ -39,7 +39,8 @@ def fuse(
         weights: of :class:`Elect`, in the order of the rows; none weighs all equally.
         importances: of :class:`FisherMean`, in the order of the rows.
     """
-    scratch = torch.empty(len(rows), PIECE, dtype=torch.float32)
+    # A cache line more than a power of two: rows that far apart would fall on the same places of the cache.
+    scratch = torch.empty(len(rows), PIECE + 16, dtype=torch.float32)
     election = _Election(step, weights) if isinstance(step, Elect) else None
     for tensor in pieces(layout):
         for piece in tensor:
