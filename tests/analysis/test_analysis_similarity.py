@@ -66,7 +66,15 @@ def test_warping_by_the_true_disparity_leaves_nothing() -> None:
     assert np.isfinite(warping_residual(sample, np.full((32, 64), np.nan, np.float32))).all()
 
 
-@pytest.mark.parametrize("name", architectures())
+# Other tests of the same process register architectures of their own.
+SHIPPED = [name for name in architectures() if architecture(name).build.__module__.startswith("sfkit.")]
+
+
+def test_the_shipped_architectures_are_found() -> None:
+    assert {"anynet", "nmrf-swint", "nmrf-res", "foundation-stereo"} <= set(SHIPPED)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
 def test_every_architecture_has_a_backbone_to_listen_to(name: str) -> None:
     entry = architecture(name)
     options = entry.resolve({"vit_size": "vits"} if name == "foundation-stereo" else {})

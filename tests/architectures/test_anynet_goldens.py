@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -79,7 +80,7 @@ def _trace(network: AnyNet, arrays: dict[str, np.ndarray], image: str, dtype: to
     left, right = (_prepared(arrays[f"{image}.{side}"]).to(dtype) for side in "LR")
     with torch.no_grad():
         trace = network.trace(left, right)
-    return Trace(trace.low, tuple(d[..., :height, :width] for d in trace.disparities))
+    return replace(trace, disparities=tuple(d[..., :height, :width] for d in trace.disparities))
 
 
 def _decoded(array: np.ndarray) -> np.ndarray:
