@@ -96,7 +96,8 @@ def demo(
     path = out / "evaluations.sqlite"
     with EvaluationStore(path) as store, _scored_meanwhile(path) as known:
         held = {evaluation.key for evaluation in store}
-        stage1, stage2 = _search(pool, Evaluator(pool, validation, store=store), seed, budget, progress)
+        scorer = Evaluator(pool, validation, store=store)
+        stage1, stage2 = _search(pool, scorer, seed, budget, progress)
         for number, (name, scored) in enumerate(reversed(known.items())):
             progress("Members", number, len(known), name)
             if scored.cancel():  # not begun: done here, beside the other process
@@ -105,7 +106,7 @@ def demo(
                 scored.result()
         progress("Members", len(known), len(known), "")
         recipes = contenders(pool, {"Stage 1": stage1.recipe, "Stage 1+2": stage2.recipe})
-        best = _single_best(pool, Evaluator(pool, validation, store=store))
+        best = _single_best(pool, scorer)
         rows = {"base": recipes["base"], f"single best ({best})": pool.equal(best)}
         rows |= {name: recipes[name] for name in ("uniform", "Stage 1", "Stage 1+2")}
         benchmarks = [validation, *(bank.benchmark(name) for name in _unseen())]
