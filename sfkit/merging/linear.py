@@ -15,12 +15,13 @@ from sfkit.merging.blocks import OUTSIDE
 from sfkit.merging.flat import FlatLayout, Segment
 from sfkit.merging.recipe import Recipe
 
-# 256 Ki floats are 1 MiB: the output chunk stays in a core's cache while every task vector's chunk is
-# added to it, so that each byte of the task vectors crosses the memory bus once.
-CHUNK = 1 << 18
+# 1 Mi floats are 4 MiB: the output chunk stays in the last cache while every task vector's chunk is added to
+# it, so that each byte of the task vectors crosses the memory bus once. Smaller chunks would stay in a core's
+# own cache, but calls, and threads waiting for each other, then cost more than that saves.
+CHUNK = 1 << 20
 # Elements of every task vector that merge_many gathers at a time, 256 KiB each: with fewer, calls cost more
 # than the cache saves.
-GATHER = 1 << 16
+GATHER = 1 << 17
 
 
 def merge_flat(

@@ -24,10 +24,11 @@ CASES = ("a", "b")  # 128 x 256, and 120 x 250, which needs padding
 # Largest absolute error; of prob in float32 the largest relative one, of the refinement in float32 the
 # 99th percentile. Features have no float64 arrays.
 FLOAT32 = {"feat4": 1e-5, "prob": 1e-5, "labels": 1e-5, "inf_mean": 5e-6, "ref_mean": 5e-4}
-# Processors sum convolutions in different orders. On one without AVX-512 the residual encoder's features, up
-# to 7.8, were 1.7e-5 from the arrays and as far from our own float64 run, and the refinement's percentile,
-# which amplifies that, was 6.1e-4. What the float64 tests ask for stays the same everywhere.
-OTHER_PROCESSORS = {"feat4": 2e-5, "ref_mean": 1e-3}
+# Those bounds hold where the arrays' convolutions are summed in the arrays' order: with AVX-512, in one thread,
+# as `make test` runs. Elsewhere the residual encoder's features, up to 7.8, were 1.7e-5 from the arrays and as
+# far from our own float64 run, and the refinement's percentile, which amplifies that, was 6.5e-4. What the
+# float64 tests ask for is the same everywhere.
+OTHER_ORDERS = {"feat4": 2e-5, "ref_mean": 1e-3}
 FLOAT64 = {
     "feat4": 2e-5,
     "prob": 1e-12,
@@ -139,8 +140,8 @@ def test_float32_stage_equals_the_golden_array(run32: Run, case: str, stage: str
     if stage == "prob":
         error = error / expected
     worst = np.percentile(error, 99) if stage == "ref_mean" else error.max()
-    same = torch.backends.cpu.get_cpu_capability() == "AVX512"
-    assert worst <= (FLOAT32 if same else FLOAT32 | OTHER_PROCESSORS)[stage]
+    same = torch.backends.cpu.get_cpu_capability() == "AVX512" and torch.get_num_threads() == 1
+    assert worst <= (FLOAT32 if same else FLOAT32 | OTHER_ORDERS)[stage]
 
 
 @pytest.mark.parametrize("case", CASES)
