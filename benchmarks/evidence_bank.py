@@ -18,12 +18,12 @@ from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
 from sfkit.merging.partitions import WAYS, auto_partition
 
-EVALUATIONS = 80
+EVALUATIONS = 300
 POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
 UNSEEN_PAIRS = 20
-MARKS = (20, 40)
+MARKS = (40, 80, 150)
 ROUTING_PAIRS = 10
-SEEDS = {2: 4, 5: 4, 10: 3, 20: 2, 40: 1}
+SEEDS = {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}
 """Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
 
 
@@ -34,7 +34,7 @@ def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
         for pairs, count in SEEDS.items():
             if seed < count:
                 found[f"guards-{pairs:02d}-{seed}"] = partial(compared, pairs, seed, trials(pairs), MARKS)
-        if seed < 2:
+        if seed < 3:
             found[f"routing-{seed}"] = partial(compared, ROUTING_PAIRS, seed, routings(), ())
             found[f"partitions-{seed}"] = partial(partitions, seed)
     return found

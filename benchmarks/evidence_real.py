@@ -15,8 +15,8 @@ from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
 
 POOL = Path(__file__).parents[1] / "tests" / "pools" / "anynet_real.toml"
-EVALUATIONS = 80
-MARKS = (20, 40)
+EVALUATIONS = 300
+MARKS = (40, 80, 150)
 CODINGS = {"motorcycle": "npz:arr_0", "cones": "png8:4", "reindeer": "png8:2"}
 GUIDES = {
     "one": ("eth3d",),

@@ -40,7 +40,7 @@ HEAD = f"""## Does Stage 2 help on pairs it never saw?
 `python benchmarks/evidence.py` runs the comparisons (hours on an idle machine) and goes on where it was.
 On the embedded bank both stages are guided by pairs of `courtyard`, drawn anew for each seed: Stage 1 with
 M = {evidence_bank.POPULATION} and T = {evidence_bank.GENERATIONS}, Stage 2 with {evidence_bank.EVALUATIONS}
-evaluations (the paper has 300). Changes are against Stage 1's equal weights, x = 0, in points of bad-3.0;
+evaluations. Changes are against Stage 1's equal weights, x = 0, in points of bad-3.0;
 **below 0 is better**. "New pairs" are {evidence_bank.UNSEEN_PAIRS} other pairs of `courtyard`, "other worlds"
 the mean over {evidence_bank.UNSEEN_PAIRS} pairs each of {LISTED}; no search saw either. In brackets: how many
 runs are better than Stage 1 there, of all runs. Distance is the mean square of x."""
