@@ -41,7 +41,7 @@ def fuse(
     """
     # A cache line more than a power of two: rows that far apart would fall on the same places of the cache.
     scratch = torch.empty(len(rows), PIECE + 16, dtype=torch.float32)
-    election = _Election(step, weights) if isinstance(step, Elect) else None
+    election = _Election(step, weights, len(rows)) if isinstance(step, Elect) else None
     for tensor in pieces(layout):
         for piece in tensor:
             stack = _gather(rows, piece, scratch)
@@ -75,7 +75,7 @@ class _Election:
     Comparisons are numpy's, on the same memory: torch takes 10 times as long for them.
     """
 
-    def __init__(self, step: Elect, weights: Sequence[float]) -> None:
+    def __init__(self, step: Elect, weights: Sequence[float], rows: int) -> None:
         self.step = step
         self.weights = torch.tensor(weights, dtype=torch.float32)[:, None] if weights else None
         # No sum of voices is smaller, unless nobody has one; tiny where float32 cannot tell a weight from 0.
@@ -84,6 +84,8 @@ class _Election:
         self.balance = 0.0  # entries that elect plus, less those that elect minus
         self.undecided: list[Piece] = []
         self._signs, self._voices = torch.empty(2, PIECE, dtype=torch.float32)
+        self._flags = np.empty((rows, PIECE), np.bool_)
+        self._whole = np.uint8 if rows < 256 else np.uint32  # holds any count of rows
 
     def write(self, stack: torch.Tensor, out: torch.Tensor, piece: Piece) -> None:
         signs, zero = self._elect(stack)
@@ -120,7 +122,14 @@ class _Election:
         agreeing = stack.mul_(signs).clamp_(min=0.0)  # magnitudes of those that agree, 0 for the others
         torch.sum(agreeing, dim=0, out=out)
         if self.step.combine == "mean":
-            voices = agreeing.sign_() if self.weights is None else agreeing.sign_().mul_(self.weights)
-            counted = torch.sum(voices, dim=0, out=self._voices[: stack.shape[1]])
-            out.div_(counted.clamp_(min=self.least))  # 0 / least where there is none
+            out.div_(self._counted(agreeing).clamp_(min=self.least))  # 0 / least where there is none
         out.mul_(signs)
+
+    def _counted(self, agreeing: torch.Tensor) -> torch.Tensor:
+        """How many entries agree, or their weight; overwrites its argument."""
+        voices: torch.Tensor = self._voices[: agreeing.shape[1]]
+        if self.weights is not None:
+            return torch.sum(agreeing.sign_().mul_(self.weights), dim=0, out=voices)
+        flags = np.greater(agreeing.numpy(), 0.0, out=self._flags[:, : agreeing.shape[1]])
+        np.copyto(voices.numpy(), np.add.reduce(flags.view(np.uint8), axis=0, dtype=self._whole))
+        return voices

@@ -19,8 +19,9 @@ from sfkit.merging.flat import FlatLayout
 from sfkit.merging.selection import kth_magnitude
 from sfkit.merging.steps import Drop, Sparse, Trim
 
-PIECE = 1 << 15  # elements; pieces of 11 sources (1.4 MB) stay in a core's cache; even, see _kept
-COUNTED = 1 << 16  # elements at a time where one source is read alone
+PIECE = 1 << 16  # elements; pieces of 11 sources (2.9 MB) stay in the last cache; even, see _kept
+COUNTED = 1 << 17  # elements at a time where one source is read alone
+SUMMED = 1 << 15  # elements a partial sum: what is added to what decides the last bit, so this stays
 
 
 @dataclass(frozen=True)
@@ -100,15 +101,12 @@ def _trimmed(row: Row, identity: str, thresholds: Mapping[str, float]) -> Row:
     # hardshrink keeps what is larger than its lambda; the next smaller number makes that "at least as large".
     below = {key: _below(value) for key, value in thresholds.items()}
 
-    def bound(piece: Piece) -> float | None:
-        return None if piece.kind is Kind.STATISTIC else below.get(piece.key)
-
     def read(piece: Piece) -> torch.Tensor:
-        values, least = row.read(piece), bound(piece)
+        values, least = row.read(piece), below.get(piece.key)
         return values if least is None else torch.hardshrink(values, least)
 
     def write(piece: Piece, out: torch.Tensor) -> None:
-        least = bound(piece)
+        least = below.get(piece.key)
         if least is None:
             row.copy(piece, out)
         else:
@@ -147,7 +145,7 @@ def _read(row: Row, tensors: list[tuple[Piece, ...]]) -> Iterator[torch.Tensor]:
 
 
 def _dropped(row: Row, step: Drop, layout: FlatLayout) -> Callable[[Piece], torch.Tensor]:
-    by_key = {tensor[0].key: tensor for tensor in pieces(layout) if tensor}
+    by_key = {tensor[0].key: tensor for tensor in pieces(layout, SUMMED) if tensor}
 
     def masked(piece: Piece) -> torch.Tensor:
         return row.read(piece) * _kept(row, step, piece)

@@ -24,8 +24,8 @@ CASES = ("a", "b")  # 128 x 256, and 120 x 250, which needs padding
 # Largest absolute error; of prob in float32 the largest relative one, of the refinement in float32 the
 # 99th percentile. Features have no float64 arrays.
 FLOAT32 = {"feat4": 1e-5, "prob": 1e-5, "labels": 1e-5, "inf_mean": 5e-6, "ref_mean": 5e-4}
-# Those bounds hold where the arrays' convolutions are summed in the arrays' order: with AVX-512, in one thread,
-# as `make test` runs. Elsewhere the residual encoder's features, up to 7.8, were 1.7e-5 from the arrays and as
+# Those bounds hold where convolutions are summed in the arrays' order: with AVX-512 in one thread, as
+# `make test` runs. Elsewhere the residual encoder's features, up to 7.8, were 1.7e-5 from the arrays and as
 # far from our own float64 run, and the refinement's percentile, which amplifies that, was 6.5e-4. What the
 # float64 tests ask for is the same everywhere.
 OTHER_ORDERS = {"feat4": 2e-5, "ref_mean": 1e-3}
