@@ -4,8 +4,8 @@
 
 The limit of a merge is the bytes that must move (E task vectors and the base read, the result written)
 over the machine's triad bandwidth, which is measured in the same run on arrays far larger than the last
-cache. Peers (mergekit) are measured where they are installed: ``make bench`` puts them into an
-environment of their own.
+cache. TIES (``ties.py``) is measured at 50 M elements, against the limit of a linear merge. Peers (mergekit)
+are measured where they are installed: ``make bench`` puts them into an environment of their own.
 """
 
 from __future__ import annotations
@@ -14,92 +14,17 @@ import argparse
 import importlib.util
 import json
 import sys
-import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import torch
+from memory import SOURCES, Record, World, bandwidth, best_of
+from ties import measure as measure_ties
 
-from sfkit.checkpoints.checks import Kind, TensorSpec
-from sfkit.merging.blocks import BlockPartition
-from sfkit.merging.flat import FlatLayout
 from sfkit.merging.linear import merge_flat, merge_many
-from sfkit.merging.recipe import Recipe
 
-SOURCES = 11
-TENSORS = 400
-BLOCKS = 12
 BATCH = 8
-
-
-@dataclass(frozen=True)
-class Record:
-    """One measurement: milliseconds a recipe, and how many times the limit that is."""
-
-    name: str
-    elements: int
-    threads: int
-    milliseconds: float
-    limit_milliseconds: float
-
-    @property
-    def ratio(self) -> float:
-        """Time over limit; 1 is the speed of memory."""
-        return self.milliseconds / self.limit_milliseconds
-
-
-def best_of(work: Callable[[], object], repeats: int = 5) -> float:
-    """The shortest of several runs, in seconds; the first one warms up and does not count."""
-    work()
-    times = []
-    for _ in range(repeats):
-        started = time.perf_counter()
-        work()
-        times.append(time.perf_counter() - started)
-    return min(times)
-
-
-def bandwidth(elements: int) -> tuple[float, float]:
-    """Copy and triad bandwidth in bytes a second, on arrays of ``elements`` float32 each."""
-    a, b, c = (torch.full((elements,), float(i)) for i in range(3))
-    copy = best_of(lambda: a.copy_(b))
-    triad = best_of(lambda: torch.add(b, c, alpha=0.5, out=a))
-    return 2 * 4 * elements / copy, 3 * 4 * elements / triad
-
-
-class World:
-    """A layout of 400 tensors in 12 blocks, a base and 11 task vectors of random numbers."""
-
-    def __init__(self, elements: int) -> None:
-        sizes = [elements // TENSORS] * TENSORS
-        specs = [
-            TensorSpec(f"b{i % BLOCKS}.{i:03d}.weight", (size,), Kind.WEIGHT) for i, size in enumerate(sizes)
-        ]
-        self.partition = BlockPartition.of({f"b{b}": [f"b{b}.*"] for b in range(BLOCKS)})
-        self.layout = FlatLayout.of(specs, self.partition)
-        generator = torch.Generator().manual_seed(0)
-        self.base = torch.randn(self.layout.size, generator=generator)
-        self.rows = torch.randn(SOURCES, self.layout.size, generator=generator)
-        self.vectors = list(self.rows)
-        self.names = tuple(f"s{e}" for e in range(SOURCES))
-        self.out = torch.empty(self.layout.size)
-
-    def equal(self, count: int) -> Recipe:
-        """Equal weights over the first ``count`` sources."""
-        weights = {name: 1 / count if e < count else 0.0 for e, name in enumerate(self.names)}
-        return Recipe.weighted(weights, self.partition.names)
-
-    def routed(self, seed: int) -> Recipe:
-        """Weights and scales of their own for every block."""
-        generator = torch.Generator().manual_seed(seed)
-        rows = torch.softmax(torch.randn(BLOCKS, SOURCES, generator=generator), dim=1).tolist()
-        scales = (0.25 + 1.5 * torch.rand(BLOCKS, generator=generator)).tolist()
-        return Recipe(self.names, self.partition.names, tuple(map(tuple, rows)), tuple(scales))
-
-    def merge(self, recipe: Recipe) -> torch.Tensor:
-        """Ours, into the buffer the live network's parameters are views of."""
-        merge_flat(recipe, self.layout, self.base, self.vectors, self.out)
-        return self.out
+TIES_ELEMENTS = 50_000_000
+TIES_DENSITY = 0.2
 
 
 def measure(elements: int, threads: int) -> list[Record]:
@@ -192,6 +117,8 @@ def main() -> None:
         print(f"{threads} threads: copy {copy / 1e9:.1f} GB/s, triad {triad / 1e9:.1f} GB/s", file=sys.stderr)
         for elements in options.elements:
             rows += measure(elements, threads)
+        if TIES_ELEMENTS in options.elements:
+            rows += measure_ties(TIES_ELEMENTS, threads, TIES_DENSITY)
     if options.json:
         found = [{**asdict(row), "ratio": row.ratio} for row in rows]
         print(json.dumps({"bandwidth": bandwidths, "rows": found}, indent=2))

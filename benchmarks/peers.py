@@ -9,7 +9,7 @@ import torch
 from mergekit.merge_methods.api import merge_state_dicts
 
 if TYPE_CHECKING:
-    from merging import World
+    from memory import World
 
 METHODS = ("linear", "task_arithmetic")
 

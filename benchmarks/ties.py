@@ -17,7 +17,7 @@ from collections.abc import Callable
 from functools import partial
 
 import torch
-from merging import SOURCES, Record, World, bandwidth, best_of
+from memory import SOURCES, Record, World, bandwidth, best_of
 
 from sfkit.merging.fusion import fuse
 from sfkit.merging.linear import weighted_sum

@@ -147,7 +147,9 @@ def test_memory_of_a_process_is_told_by_kind(results: ModuleType, tmp_path: Path
 def test_evidence_is_what_finished_comparisons_say(
     results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    section, evidence = (importlib.import_module(name) for name in ("sections.evidence", "evidence"))
+    names = ("sections.evidence", "evidence", "evidence_bank")
+    section, evidence, bank = (importlib.import_module(name) for name in names)
+    end = bank.EVALUATIONS
     monkeypatch.setattr(evidence, "FOLDER", tmp_path)
     with pytest.raises(SystemExit, match="nothing is finished yet"):
         section.section()
@@ -155,7 +157,7 @@ def test_evidence_is_what_finished_comparisons_say(
     judges = ["courtyard", "indoor-rooms", "hazy-road", "grey-workshop"]
     after = {"plain": (9.0, 21.0, 31.5, 11.0), "shrinkage 0.05": (9.5, 20.0, 29.0, 10.0)}
     rows = [
-        (2, trial, 0, 80, 0.25, 18.0, "", 20.0, *found, 8.0, 20.0, 30.0, 10.0)
+        (2, trial, 0, end, 0.25, 18.0, "", 20.0, *found, 8.0, 20.0, 30.0, 10.0)
         for trial, found in after.items()
     ]
     header = [*columns, *judges, *(f"{judge}:equal" for judge in judges)]
@@ -165,5 +167,5 @@ def test_evidence_is_what_finished_comparisons_say(
     # Other worlds: the mean of +1, +1.5 and +1, and that of 0, -1 and 0.
     assert "| 2 | plain | -2.00 | +1.00 (0 of 1) | +1.17 (0 of 1) | 0.25 |" in written
     assert "| 2 | shrinkage 0.05 | -2.00 | +1.50 (0 of 1) | -0.33 (1 of 1) | 0.25 |" in written
-    assert "| 2 | 80 | -2.00 | +1.00 (0 of 1) | +1.17 (0 of 1) | 0.25 |" in written
+    assert f"| 2 | {end} | -2.00 | +1.00 (0 of 1) | +1.17 (0 of 1) | 0.25 |" in written
     assert "real AnyNet" not in written
