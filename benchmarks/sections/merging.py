@@ -52,8 +52,8 @@ def section() -> str:
             "",
             *_table(ratios),
             "",
-            f"The aim of {AIM} times the limit is {met}. A recipe in a batch of {BATCH} takes {shares} of the "
-            f"time it takes alone (aim 0.25). {_beside(milliseconds)}",
+            f"The aim of {AIM} times the limit is {met}. A recipe in a batch of {BATCH} takes {shares} of "
+            f"the time it takes alone (aim 0.25). {_beside(milliseconds)}",
             "",
             "TIES at 50 M elements, against the limit of a linear merge (aims: 15 for one lambda, 2 for each "
             "further one):",
