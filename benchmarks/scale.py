@@ -159,9 +159,9 @@ def run(case: Case, workers: int) -> Row:
         case.name,
         workers,
         wall / 3600,
-        1 - busy / (wall * workers),
+        max(0.0, 1 - busy / (wall * workers)),
         wall_shared / 3600,
-        1 - busy_shared / (wall_shared * workers),
+        max(0.0, 1 - busy_shared / (wall_shared * workers)),
         case.vectors / FASTEST * math.ceil(math.log2(workers + 1)),
         case.vectors / 2**30,
     )
@@ -181,7 +181,7 @@ def table(rows: Sequence[Row]) -> str:
         "|---|--:|--:|--:|--:|--:|--:|--:|",
     ]
     lines += [
-        f"| {r.case} | {r.workers} | {r.hours:.3f} | {100 * r.idle:.0f} % | {r.hours_shared:.3f} "
+        f"| {r.case} | {r.workers} | {r.hours:.3g} | {100 * r.idle:.0f} % | {r.hours_shared:.3g} "
         f"| {100 * r.idle_shared:.0f} % | {r.broadcast:.2f} | {r.memory:.3f} |"
         for r in rows
     ]
