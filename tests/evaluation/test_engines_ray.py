@@ -12,19 +12,14 @@ from typing import Any
 import pytest
 import tiny
 import torch
-from clusters import two_nodes
+from clusters import LEAVES_TO_THE_COLLECTOR, two_nodes
 from engines_world import alone, heard, noise, set_wait, trapped_pool
 
 from sfkit.datasets.benchmark import open_benchmark
 from sfkit.evaluation import Evaluator
 from sfkit.merging import open_pool
 
-pytestmark = [
-    pytest.mark.slow,
-    # Ray leaves files and subprocesses to the garbage collector, and announces coming changes.
-    pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::FutureWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
+pytestmark = [pytest.mark.slow, *LEAVES_TO_THE_COLLECTOR]
 END_SECONDS = 120
 
 

@@ -15,11 +15,13 @@ import time
 from contextlib import closing
 
 import pytest
+from clusters import ENVIRONMENT, LEAVES_TO_THE_COLLECTOR, assert_all_end, descendants, two_nodes
 from faults_world import Run, Searches, assert_same_end, content
 
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork: run it on Linux"),
+    *LEAVES_TO_THE_COLLECTOR,
 ]
 KILLS = int(os.environ.get("SFKIT_ENGINE_KILLS", "5"))
 SEED = int(os.environ.get("SFKIT_KILLS_SEED", "1"))
@@ -27,6 +29,30 @@ SEED = int(os.environ.get("SFKIT_KILLS_SEED", "1"))
 
 def test_processes(searches: Searches, whole: Run) -> None:
     killed_on_the_way(searches, whole, "processes", {})
+
+
+def test_ray(searches: Searches, whole: Run) -> None:
+    """The cluster outlives its drivers, and frees their CPUs for the next; it leaves no process itself."""
+    with two_nodes() as cluster:
+        killed_on_the_way(searches, whole, "ray", {**ENVIRONMENT, "RAY_ADDRESS": cluster.address})
+
+
+def test_a_killed_search_takes_the_ray_it_started_along(searches: Searches, whole: Run) -> None:
+    pytest.importorskip("ray", reason="Ray is not installed: pip install sfkit[ray]")
+    # Ray's agents look for their cluster for a minute unless told otherwise.
+    environment = {**ENVIRONMENT, "RAY_gcs_rpc_server_reconnect_timeout_s": "3"}
+    run = Run(searches, "its own ray")
+    pid = run.start("--engine", "ray", "--workers", "2", environment=environment)
+    run.await_rows(1, pid)
+    started = descendants(pid)
+    os.kill(pid, signal.SIGKILL)
+    assert run.wait(pid) == -signal.SIGKILL
+    assert len(started) > 3, "the scheduler, its head, and two workers"
+    assert_all_end(started)
+    stored = run.count()
+    assert 0 < stored < len(whole.rows())
+    assert run.finish()["evaluations"]["computed"] == len(whole.rows()) - stored
+    assert_same_end(run, whole)
 
 
 def killed_on_the_way(searches: Searches, whole: Run, engine: str, environment: dict[str, str]) -> None:
