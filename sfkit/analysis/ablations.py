@@ -18,7 +18,7 @@ from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.measured import measure_with
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
-from sfkit.evaluation.separation import check_separation, identities
+from sfkit.evaluation.separation import identities
 from sfkit.merging.recipe import Recipe
 from sfkit.search.constraints import transfer
 from sfkit.search.records import Counts
@@ -168,8 +168,7 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
 def _against_own(here: Experiment, recipes: Mapping[str, Recipe]) -> str:
     """The second recipe against the first on the unseen benchmarks' mean, as a sentence."""
     own, reused = recipes
-    guided = check_separation(here.validation, here.reported, allow=True).guided
-    evaluators = [here.scorer(b, here.shown) for b in here.reported if b.name not in guided]
+    evaluators = [here.scorer(b, here.shown) for b in here.reported if b.name not in here.guided]
     if not evaluators:
         return "no benchmark is unseen"
     measured = measure_with(evaluators, recipes)
@@ -195,7 +194,7 @@ def _table(
 def scored(
     experiment: Experiment, recipes: Mapping[str, Recipe], *, guide: Benchmark | None = None
 ) -> pd.DataFrame:
-    """A row a recipe, a column a benchmark; the mean leaves out what guided the search.
+    """A row a recipe, a column a benchmark; the mean leaves out what guided the search, or a person by hand.
 
     Where another benchmark than the experiment's was the ``guide``, columns bear no ``*``: it differs by row.
     """
@@ -208,7 +207,7 @@ def scored(
         benchmark.name
         for benchmark in (experiment.validation, *experiment.reported)
         if any(guided & identities(pair) for pair in benchmark.pairs)
-    }
+    } | {edited.benchmark for edited in experiment.by_hand}
     unseen = [name for name in columns if name not in seen]
     mean = table[unseen].mean(axis=1, skipna=False) if unseen else np.nan
     marks = {} if guide is not None else {name: f"{name} *" for name in columns if name in seen}

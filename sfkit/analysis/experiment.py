@@ -15,6 +15,7 @@ import pandas as pd
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.hand_edits import SeenByHand, seen_by_hand
 from sfkit.evaluation.separation import check_separation
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.evaluation.table import score_table
@@ -99,9 +100,21 @@ class Experiment:
         """The metric of tables."""
         return self.metric or self.validation.metric
 
+    @property
+    def by_hand(self) -> tuple[SeenByHand, ...]:
+        """Reported benchmarks whose scores a person saw while editing a recipe, as the store remembers."""
+        return seen_by_hand(self.store, self.reported)
+
+    @property
+    def guided(self) -> tuple[str, ...]:
+        """Benchmarks that are no test: what guides, what shares a pair with it, and :attr:`by_hand`."""
+        apart = check_separation(self.validation, self.reported, allow=True)
+        return tuple(dict.fromkeys((*apart.guided, *(seen.benchmark for seen in self.by_hand))))
+
     def changed(self, **fields: Any) -> Experiment:
         """The same experiment with some fields replaced."""
-        return replace(self, _evaluators={} if "pool" in fields else self._evaluators, **fields)
+        bound = {"pool", "store"} & fields.keys()  # to what an evaluator holds
+        return replace(self, _evaluators={} if bound else self._evaluators, **fields)
 
     def scorer(
         self, benchmark: Benchmark | None = None, metric: str | None = None, also: Sequence[str] = ()
@@ -170,13 +183,12 @@ class Experiment:
     def scores(self, recipes: Mapping[str, Recipe], metrics: Sequence[str] = ()) -> pd.DataFrame:
         """One row a (network, benchmark, metric), validation first, as ``score_recipes`` gives them.
 
-        ``metrics`` is :attr:`shown` unless given. A reported benchmark that shares a pair with the
-        validation's has the role ``validation`` too.
+        ``metrics`` is :attr:`shown` unless given. All of :attr:`guided` have the role ``validation``.
         """
         apart = check_separation(self.validation, self.reported, allow=True)
         wanted = tuple(metrics) or (self.shown,)
         evaluators = [self.scorer(benchmark, also=wanted) for benchmark in apart.columns]
-        return score_table(evaluators, recipes, metrics=wanted, validation=apart.guided)
+        return score_table(evaluators, recipes, metrics=wanted, validation=self.guided)
 
     def _given(self, subset: Sequence[str], scorer: Evaluator) -> SubsetCandidate:
         recipe = self.pool.equal(*subset)

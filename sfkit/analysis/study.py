@@ -18,6 +18,7 @@ from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.hand_edits import SeenByHand
 from sfkit.evaluation.separation import check_separation
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -43,6 +44,7 @@ class Study:
         comparison: a row a method, seeds averaged, differences to :attr:`reference`.
         reference: the row that others are compared with.
         chosen: the network validation prefers among all that saw nothing else: what to deploy.
+        by_hand: reported benchmarks whose scores a person saw while editing; they count as guided.
     """
 
     experiment: Experiment
@@ -53,6 +55,7 @@ class Study:
     comparison: NetworkComparison
     reference: str
     chosen: str
+    by_hand: tuple[SeenByHand, ...] = ()
 
     @property
     def result(self) -> BaselineResult:
@@ -172,18 +175,19 @@ def study(
         raise InputError(f"seeds: found {seeds}, expected at least 1")
     used = tuple(experiment.seed + number for number in range(seeds))
     apart = check_separation(experiment.validation, experiment.reported, allow=True)
+    guided = experiment.guided
     evaluators = [experiment.scorer(benchmark) for benchmark in apart.columns]
-    tests = [one for one in evaluators if one.benchmark.name not in apart.guided]
+    tests = [one for one in evaluators if one.benchmark.name not in guided]
     run = _run(experiment, used[0], methods, tests, settings, progress)
     runs = _seeded(experiment, run, used, settings, progress)
     progress("every network on every benchmark")
-    measured = _measure(experiment, runs, evaluators, apart.guided)
+    measured = _measure(experiment, runs, evaluators, guided)
     name = reference or list(run.results)[-1]
     if name not in run.results:
         raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
     label = run.results[name].label
     comparison = _compare(experiment, measured, runs, label)
-    return Study(experiment, used, run, runs, measured, comparison, label, _best(runs))
+    return Study(experiment, used, run, runs, measured, comparison, label, _best(runs), experiment.by_hand)
 
 
 def _run(

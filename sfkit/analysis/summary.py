@@ -24,11 +24,11 @@ def summary(study: Study) -> tuple[str, ...]:
 
 def _deploy(study: Study) -> Iterator[str]:
     result = study.result
-    guides = " and ".join(one.benchmark for one in study.measured if one.validation)
+    guide = study.experiment.validation
     honest = sum(not other.oracle for other in study.runs.values())
     yield (
         f"**Deploy {study.chosen}**: {_content(result)}. Of {honest} networks that saw nothing but "
-        f"{guides} ({len(study.experiment.validation)} pairs) it scores best there, "
+        f"{guide.name} ({len(guide)} pairs) it scores best there, "
         f"{score_text(study.metric, _guided(study))}."
     )
 
@@ -44,11 +44,14 @@ def _content(result: BaselineResult) -> str:
 
 
 def _guided(study: Study) -> float:
-    scores = [one.score(study.chosen, metric=study.metric) for one in study.measured if one.validation]
-    return sum(scores) / len(scores)
+    guide = study.experiment.validation.name
+    (found,) = (one for one in study.measured if one.benchmark == guide)
+    return found.score(study.chosen, metric=study.metric)
 
 
 def _how_sure(study: Study) -> Iterator[str]:
+    for seen in study.by_hand:
+        yield f"Warning: {seen}"
     if not study.unseen:
         yield "No benchmark is left that guided nothing, so that nothing here is a test."
         return

@@ -7,6 +7,7 @@ from flat_world import benchmark, flat_spec
 
 from sfkit import EvaluationStore, InputError, Recipe, open_pool
 from sfkit.analysis import Experiment, Study, environment, recipe_table, study, summary
+from sfkit.evaluation.hand_edits import mark_hand_edit
 
 LEVELS = {"one": 1.0, "five": 5.0, "ten": 10.0}
 METHODS = ("single_best", "single_best_oracle", "uniform", "stage1", "stage1_2")
@@ -94,6 +95,21 @@ def test_a_gain_on_validation_alone_is_called_what_it_is(experiment: Experiment)
     said = " ".join(summary(study(apart, seeds=1, methods=["uniform", "stage1_2"], reference="uniform")))
     assert "Warning: Stage 1+2 is" in said
     assert "it fits the validation images" in said
+
+
+def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experiment: Experiment) -> None:
+    store = EvaluationStore(":memory:")
+    mark_hand_edit(store, "an edit", experiment.reported[0])
+    edited = study(experiment.changed(store=store), seeds=1, methods=["uniform", "stage1"])
+    assert [one.benchmark for one in edited.unseen] == ["far"]
+    table = edited.table()
+    assert [name.split()[0] for name in table.columns if name.endswith("*")] == ["guide", "near"]
+    assert table.loc["uniform", "mean of unseen [px]"] == pytest.approx((1 + 5 + 10) / 3 - 1.255, abs=1e-5)
+    said = summary(edited)
+    assert "saw nothing but guide (2 pairs)" in said[0]
+    assert said[1].startswith("Warning: near: 1 recipe edited by hand was scored on 12 of its pairs")
+    roles = edited.experiment.scores({"base": experiment.pool.base_recipe()}).set_index("benchmark")["role"]
+    assert roles.to_dict() == {"guide": "validation", "near": "validation", "far": "reported"}
 
 
 def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None:

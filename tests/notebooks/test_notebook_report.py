@@ -83,6 +83,13 @@ def test_the_page_says_first_what_to_deploy(executed: NotebookNode) -> None:
     assert [o for o in spoken if o.output_type == "stream"] == [], "progress is for the terminal"
 
 
+def test_the_page_says_whether_a_pair_was_held_out_and_that_no_test_was_seen(executed: NotebookNode) -> None:
+    told = "".join(o.get("text", "") for cell in executed.cells for o in cell.get("outputs", []))
+    assert "No validation pair was held out" in told
+    assert "no pair of it is in the benchmarks reported as a test" in told
+    assert "edited by hand" not in told
+
+
 def test_every_figure_was_drawn_and_nothing_complained(executed: NotebookNode) -> None:
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
     assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 8
