@@ -177,7 +177,8 @@ class Recipe:
         except json.JSONDecodeError as error:
             raise InputError(f"{where}: not JSON ({error}), expected what Recipe.to_json writes") from error
         if not isinstance(values, dict):
-            raise InputError(f"{where}: found a JSON {type(values).__name__}, expected an object")
+            kind = type(values).__name__
+            raise InputError(f"{where}: found a JSON {kind}, expected the object that Recipe.to_json writes")
         return cls.from_dict(values, where=where)
 
 

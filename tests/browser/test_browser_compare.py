@@ -125,6 +125,23 @@ def test_errors_have_the_figures_colours(shown: Callable[..., Stage]) -> None:
         assert_same(colours(opened, f"network {number}"), expected)
 
 
+def test_a_frame_without_a_size_leaves_no_panel_empty(shown: Callable[..., Stage]) -> None:
+    opened = shown()
+    # JupyterLab hides everything for a moment while it changes its theme; no observer notices.
+    opened.page.evaluate(
+        """() => {
+            const { style } = document.querySelector(".sfkit");
+            requestAnimationFrame(() => (style.display = "none"));
+            window.model.push({ shown: "error" });
+            requestAnimationFrame(() => (style.display = ""));
+        }"""
+    )
+    drawn(opened)
+    drawn(opened)
+    position = error_position(panels().networks[0].error, 1.0)
+    assert_same(colours(opened, "network 0"), paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR))
+
+
 def test_better_is_blue_and_worse_orange_against_a(shown: Callable[..., Stage]) -> None:
     opened = shown(shown="better")
     reference, *others = panels().networks

@@ -226,11 +226,12 @@ def test_scales_by_mouse_keyboard_and_number(shown: Stage) -> None:
     shown.settled()
     alert = shown.root.get_by_role("alert").inner_text()
     assert alert == "scale of 'neck': found 3, expected it from 0.25 to 1.75"
+    assert number.input_value() == "0.50", "what was refused gives way to the scale that holds"
     centre = shown.root.locator(".scale-ticks i").nth(1).bounding_box()
     assert centre is not None
     slider.click(position={"x": centre["x"] - box["x"] + 2, "y": box["height"] / 2})
     shown.settled()
-    assert inspector(shown).scales[0] == 1.0, "the neutral mark catches the slider"
+    assert inspector(shown).scales[1] == 1.0, "the neutral mark catches the slider"
 
 
 def test_scrubbing_the_trials_of_a_search(
@@ -271,6 +272,8 @@ def test_pins_are_compared_and_blinked(shown: Stage) -> None:
     shown.settled()
     inspector(shown).settle()
     shown.page.wait_for_function("() => !document.querySelector('.scores').innerText.includes('scoring')")
+    said = f"pairs: bad-2.0 {inspector(shown).scores['value']:.2f} %"
+    assert shown.root.locator("[aria-live]").inner_text() == said
     shown.root.get_by_role("button", name="Pin B").click()
     painted(shown)
     table = shown.root.get_by_role("table")
@@ -323,6 +326,22 @@ def test_recipes_are_loaded_and_networks_saved(
     shown.root.get_by_role("button", name="Load this text").click()
     shown.settled()
     assert "found format None" in shown.root.get_by_role("alert").inner_text()
+    shown.root.get_by_role("button", name="Copy").click()
+    assert text.input_value() == inspector(shown).recipe_json, "what is copied is the recipe"
+
+
+def test_an_error_comes_into_view(shown: Stage) -> None:
+    shown.page.set_viewport_size({"width": 600, "height": 400})
+    shown.root.get_by_text("Recipe and network").click()
+    shown.root.get_by_role("textbox", name="Recipe as JSON").fill("[]")
+    load = shown.root.get_by_role("button", name="Load this text")
+    load.click()
+    shown.settled()
+    alert = shown.root.get_by_role("alert").bounding_box()
+    assert alert is not None
+    assert 0 <= alert["y"] <= 400
+    said = shown.root.get_by_role("alert").inner_text()
+    assert said == "the pasted text: found a JSON list, expected the object that Recipe.to_json writes"
 
 
 def test_tying_blocks(shown: Stage) -> None:

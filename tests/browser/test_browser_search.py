@@ -205,6 +205,21 @@ def test_nothing_is_wider_than_the_page(
         shown.page.wait_for_function("() => document.documentElement.scrollWidth <= 640")
 
 
+def test_names_are_never_broken_within_a_word(stage: Open, routing: RoutingView) -> None:
+    names = ["photographic-noise", "uneven-exposure", "haze"]
+    for width, upright in ((1280, False), (900, True)):
+        shown = stage(width=width)
+        shown.show_state(routing, trace={**routing.trace, "sources": names})
+        head = shown.root.locator("th > span").all()
+        assert [name.inner_text() for name in head] == names
+        assert (shown.root.locator(".sfkit-routing-upright").count() == 1) == upright
+        for name in head:
+            assert name.evaluate("(name) => name.scrollHeight <= name.offsetHeight + 1")
+            assert name.evaluate(
+                "(name) => name.getBoundingClientRect().width <= name.closest('th').clientWidth"
+            )
+
+
 def test_names_of_sources_never_become_markup(stage: Open, population: PopulationView) -> None:
     shown = stage()
     name = "<img src=x onerror=alert(1)>"

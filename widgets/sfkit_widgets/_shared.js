@@ -55,6 +55,8 @@ export function mount({ model, el }, { label, kind }) {
   watch("error", () => {
     alert.textContent = model.get("error");
     alert.hidden = !model.get("error");
+    // Whoever works further down sees it, too.
+    if (!alert.hidden && root.contains(document.activeElement)) alert.scrollIntoView({ block: "nearest" });
   });
   followTheme(root, model, ended.signal);
   el.replaceChildren(root);
@@ -239,6 +241,16 @@ export function gridStep(key, from, size) {
   }[key];
   if (!to) return null;
   return { row: clamp(to.row, 0, size.rows - 1), column: clamp(to.column, 0, size.columns - 1) };
+}
+
+/**
+ * Whether names over columns stand upright: the longest word of any needs room in every column.
+ * @param {string[]} names
+ * @param {number} letters that have room side by side
+ */
+export function standsUpright(names, letters) {
+  const words = names.flatMap((name) => name.split(/(?<=[-_])|\s/));
+  return names.length * Math.max(0, ...words.map((word) => word.length)) > letters;
 }
 
 /**

@@ -38,6 +38,7 @@ export function layOut(body, act, signal) {
   const set = (/** @type {string} */ name) => (/** @type {any} */ value) => act.set({ [name]: value });
   const button = (/** @type {string} */ text, /** @type {string} */ label, /** @type {() => void} */ press) =>
     actionButton(text, label, press, signal);
+  const divider = element("input", { type: "range", min: 0, max: 1, step: 0.01 });
   const parts = {
     pair: choiceList("pair", act.choose, signal),
     arrangement: choiceButtons("arrangement", ARRANGEMENTS, set("arrangement"), signal),
@@ -48,7 +49,8 @@ export function layOut(body, act, signal) {
     high: numberInput("highest disparity of the colours, px", (value) => act.bound(1, value), signal),
     zoom: element("output", { "aria-label": "zoom" }),
     pause: button("pause", "blink by itself", act.pause),
-    divider: element("input", { type: "range", min: 0, max: 1, step: 0.01, "aria-label": "divider" }),
+    divider,
+    divided: element("label", {}, "divider ", divider),
     bars: element("div", { class: "sfkit-compare-bars" }),
     area: element("div", {
       class: "sfkit-compare-panels",
@@ -61,7 +63,7 @@ export function layOut(body, act, signal) {
     regions: element("ol"),
     none: element("p", { class: "sfkit-compare-help" }),
   };
-  parts.divider.addEventListener("input", () => act.set({ divider: Number(parts.divider.value) }), { signal });
+  divider.addEventListener("input", () => act.set({ divider: Number(divider.value) }), { signal });
   parts.regions.addEventListener(
     "click",
     (/** @type {MouseEvent} */ event) => {
@@ -96,7 +98,7 @@ export function layOut(body, act, signal) {
       "px",
       button("auto", "colour range of the pair", () => act.set({ limits: [] })),
     ),
-    group(parts.pause, parts.divider),
+    group(parts.pause, parts.divided),
   );
   const regions = element("div", {}, parts.listed.whole, parts.regions, parts.none);
   const side = element("div", { class: "sfkit-compare-side" }, parts.table, regions);

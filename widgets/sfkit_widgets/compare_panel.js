@@ -48,7 +48,10 @@ export class Panel {
     return { x: (clientX - box.x) / box.width, y: (clientY - box.y) / box.height };
   }
 
-  /** @param {Frame} frame */
+  /**
+   * @param {Frame} frame
+   * @returns {boolean} false while the panel has no size; then it keeps what it shows
+   */
   draw(frame) {
     const { title, note, pictures } = this.content();
     if (this.title.textContent !== title) {
@@ -56,13 +59,14 @@ export class Panel {
       this.canvas.setAttribute("aria-label", title);
     }
     if (this.note.textContent !== note) this.note.textContent = this.caption.title = note;
-    if (!this.fit(frame.image)) return;
+    if (!this.fit(frame.image)) return false;
     this.paint(pictures[0], frame, 0, 1);
     if (pictures.length > 1) {
       this.paint(pictures[1], frame, frame.divider, 1);
       this.line(frame.divider);
     }
     this.marks(frame);
+    return true;
   }
 
   /**
@@ -72,11 +76,12 @@ export class Panel {
   fit(image) {
     const sharpness = Math.min(window.devicePixelRatio || 1, SHARPEST);
     const width = Math.round(this.canvas.clientWidth * sharpness);
+    if (width === 0) return false;
     const height = Math.round((width * image.height) / image.width);
     if (this.canvas.width !== width || this.canvas.height !== height) {
       Object.assign(this.canvas, { width, height });
     }
-    return width > 0;
+    return true;
   }
 
   /**

@@ -29,6 +29,7 @@ class Compare {
     this.blink = { second: false, paused: still, timer: 0 };
     this.region = { of: "", number: -1 };
     this.frame = 0;
+    this.again = true;
     this.saying = 0;
     this.parts = layOut(this.view.body, this.acts(), signal);
     this.handled = this.gestures();
@@ -45,7 +46,10 @@ class Compare {
     );
     this.enter();
     this.view.watch(["pairs", "error"], () => this.ask());
-    const observer = new ResizeObserver(() => this.ask());
+    const observer = new ResizeObserver(() => {
+      this.again = true;
+      this.ask();
+    });
     observer.observe(this.parts.area);
     signal.addEventListener("abort", () => {
       observer.disconnect();
@@ -200,7 +204,10 @@ class Compare {
     if (this.region.of !== scene.networks[second].name) this.region = { of: "", number: -1 };
     const box = this.region.of ? scene.networks[second].regions[this.region.number] : null;
     const frame = { camera: this.camera(), image: scene, cursor, divider, box };
-    for (const panel of this.panels) panel.draw(frame);
+    const drawn = this.panels.map((panel) => panel.draw(frame)).every(Boolean);
+    // Hidden for one frame, as while JupyterLab changes its theme: no observer sees that, so draw once more.
+    if (!drawn && this.again) this.ask();
+    this.again = drawn;
     this.once("values", [cursor, first], () => fillValues(this.parts.table, this.pictures, cursor, first));
     const shown = this.look.now.shown;
     this.once("bars", [shown, this.limits()], () =>
@@ -278,7 +285,7 @@ class Compare {
     parts.low.update(limits[0]);
     parts.high.update(limits[1]);
     parts.zoom.textContent = `${Math.round(100 * this.camera().zoom)} %`;
-    parts.divider.hidden = arrangement !== "swipe";
+    parts.divided.hidden = arrangement !== "swipe";
     parts.divider.value = String(divider);
     parts.pause.hidden = arrangement !== "blink";
     parts.pause.setAttribute("aria-pressed", String(!this.blink.paused));

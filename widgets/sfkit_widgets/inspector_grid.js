@@ -1,6 +1,6 @@
 // The routing weights as a grid of blocks (rows) and sources (columns): drag, type, lock, take out.
 
-import { clamp, element, gridStep } from "./_shared.js";
+import { clamp, element, gridStep, standsUpright } from "./_shared.js";
 
 /** @typedef {import("./_shared.js").Model} Model */
 /** @typedef {import("./_shared.js").View} View */
@@ -9,7 +9,7 @@ const PIXELS_A_UNIT = 160; // a drag this long moves a weight from 0 to 1
 const DEAD_ZONE = 3; // pixels a press may move and still be a click
 const STEP = 0.05;
 const FINE_STEP = 0.01;
-const LETTERS_ABREAST = 40; // names of more letters than that stand upright over narrower columns
+const LETTERS_ABREAST = 40; // as many as its columns have room for
 
 /**
  * What was typed as a weight: 0.25, .25, 0,25 or 25 %; null where it is no number from 0 to 1.
@@ -31,15 +31,6 @@ export function parseWeight(text) {
  */
 export function draggedWeight(from, right, down) {
   return clamp(from + (right - down) / PIXELS_A_UNIT, 0, 1);
-}
-
-/**
- * Whether the sources' names stand upright: the longest word of any needs room in every column.
- * @param {string[]} sources
- */
-export function standsUpright(sources) {
-  const words = sources.flatMap((name) => name.split(/(?<=[-_])|\s/));
-  return sources.length * Math.max(0, ...words.map((word) => word.length)) > LETTERS_ABREAST;
 }
 
 /** A name for the edits of one drag, so that they are undone as one. */
@@ -68,7 +59,7 @@ export class WeightGrid {
   }
 
   build() {
-    const wide = standsUpright(this.sources);
+    const wide = standsUpright(this.sources, LETTERS_ABREAST);
     const rows = this.cells.map((cells, row) => {
       const name = row === 0 ? "block" : this.blocks[row - 1];
       const label = element("div", { role: row === 0 ? "columnheader" : "rowheader", title: name }, name);

@@ -25,6 +25,7 @@ export function recipePanel(view, model) {
   copy.addEventListener(
     "click",
     async () => {
+      text.value = model.get("recipe_json"); // not what someone has typed over it
       const done = await copied(text);
       view.announce(done ? "Recipe copied" : "Select the text and copy it: this page may not");
       copy.textContent = done ? "Copied" : "Copy";

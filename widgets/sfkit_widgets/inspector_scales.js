@@ -6,7 +6,7 @@ import { newGesture } from "./inspector_grid.js";
 /** @typedef {import("./_shared.js").Model} Model */
 /** @typedef {import("./_shared.js").View} View */
 
-const NEAR_NEUTRAL = 0.015; // a slider that comes this near to 1 takes it
+const NEAR_NEUTRAL = 0.025; // a slider that comes this near to 1, two pixels, takes it
 
 /**
  * The scale a slider stands for: 1 catches it.
@@ -36,7 +36,8 @@ export function scaleColumn(view, model) {
   /** @type {string[]} */
   const blocks = model.get("blocks");
   const rows = blocks.map((block) => scaleRow(view, block, [low, high], at(1)));
-  view.watch(["scales"], () => {
+  // A number that was refused gives way to the scale that holds.
+  view.watch(["scales", "error"], () => {
     model.get("scales").forEach((/** @type {number} */ scale, /** @type {number} */ b) => rows[b].show(scale));
   });
   return element(

@@ -100,6 +100,13 @@ function render(host) {
       view.announce(`this pair: ${name} ${scoreText(score, unit)}`);
     }
   });
+  let scoring = false;
+  view.watch(["scores"], () => {
+    const scores = model.get("scores");
+    const { name, unit, benchmark } = model.get("metric");
+    if (scoring && scores.state !== "running") view.announce(`${benchmark}: ${name} ${scoreText(scores, unit)}`);
+    scoring = scores.state === "running";
+  });
   return view.close;
 }
 

@@ -1,6 +1,6 @@
 // RoutingView: one recipe of Stage 2 as a heatmap with its scales, and how all of it moved.
 
-import { element, mount } from "./_shared.js";
+import { element, mount, standsUpright } from "./_shared.js";
 import { onWidth, showCharts } from "./charts.js";
 
 /** @typedef {import("./charts.js").Chart} Chart */
@@ -31,6 +31,8 @@ import { onWidth, showCharts } from "./charts.js";
 
 const NOTHING_YET = "No evaluation yet. Press Run or One step of a SearchControl, or call step() on the search.";
 const MARK = "var(--sf-mark)";
+const BESIDE_COLUMNS = 160; // px of the heatmap that blocks and scales take
+const LETTER = 8; // px of one in the head, its share of the margins included
 
 /** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
 function render(host) {
@@ -75,7 +77,7 @@ function render(host) {
     const following = shown < 0 && now.best !== null ? ", best so far" : "";
     which.textContent = `${number} of ${now.evaluations - 1}: ${now.text[at]}${following}`;
     best.setAttribute("aria-pressed", String(shown < 0));
-    heat.replaceChildren(heatmap(now, at));
+    heat.replaceChildren(heatmap(now, at, (heat.clientWidth - BESIDE_COLUMNS) / LETTER));
     const pick = (/** @type {number} */ evaluation) => choose(now.drawn.indexOf(evaluation));
     const common = { xName: "evaluation", x: now.drawn, at: number, pick };
     showCharts(distribution, distributionCharts(now, common));
@@ -92,11 +94,12 @@ function render(host) {
  * Routing weights of one evaluation: rows are blocks with their scales, columns sources.
  * @param {Trace} now
  * @param {number} at
+ * @param {number} letters of sources' names that have room side by side
  */
-function heatmap(now, at) {
-  const table = element("table", {});
+function heatmap(now, at, letters) {
+  const table = element("table", { class: standsUpright(now.sources, letters) ? "sfkit-routing-upright" : null });
   table.append(element("caption", {}, "Routing weights (fraction) and module scales (factor)"));
-  const names = now.sources.map((name) => element("th", { scope: "col" }, name));
+  const names = now.sources.map((name) => element("th", { scope: "col" }, element("span", { title: name }, name)));
   table.append(element("tr", {}, element("th", { scope: "col", class: "sfkit-routing-block" }, "block"), ...names, element("th", {}, "scale")));
   now.blocks.forEach((block, b) => {
     const row = now.weights[at][now.tied ? 0 : b];

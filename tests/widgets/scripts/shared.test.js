@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { clamp, gridStep, hostTheme } from "../../../widgets/sfkit_widgets/_shared.js";
+import { clamp, gridStep, hostTheme, standsUpright } from "../../../widgets/sfkit_widgets/_shared.js";
 
 const page = ({ classes = [], theme = null, ...dataset } = {}) => ({
   body: { dataset, classList: { contains: (name) => classes.includes(name) } },
@@ -29,4 +29,11 @@ test("the host's theme comes before the browser's", () => {
   assert.deepEqual(hostTheme(page({ classes: highContrast }), true), { name: "vscode", theme: "light" });
   assert.deepEqual(hostTheme(page({ theme: "dark" }), false), { name: "colab", theme: "dark" });
   assert.deepEqual(hostTheme(page(), true), { name: "browser", theme: "dark" });
+});
+
+test("names stand upright where the longest word has no room", () => {
+  assert.equal(standsUpright(["far-scene", "thin-things", "open-ground"], 40), false);
+  assert.equal(standsUpright(["far-scene", "thin-things", "open-ground", "plain", "haze", "uneven-exposure"], 40), true);
+  assert.equal(standsUpright(["kitti2012", "kitti2015", "hamza", "hamza_finetuned_again"], 40), false);
+  assert.equal(standsUpright([], 40), false);
 });
