@@ -58,7 +58,11 @@ def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -
     pass_gate(notebook)
     wait_for_generation(notebook, 1)
     notebook.command("notebook:interrupt-kernel")
+    notebook.save()
     pass_gate(notebook)
+    notebook.page.close()
+    notebook = lab("search/control.ipynb")
+    wait_for_phase(notebook, "running")
     wait_for_generation(notebook, 2)
 
     assert notebook.evaluate("scorer.inside.wait(60)")
