@@ -95,6 +95,14 @@ def test_without_a_kernel_the_last_state_shows_and_says_what_to_do(stage: Open) 
     assert "run the cell that makes this widget" in shown.root.locator(".sfkit-waiting").inner_text()
 
 
+def test_after_a_restart_of_the_kernel_it_says_at_once_what_to_do(stage: Open) -> None:
+    shown = stage()
+    shown.show_state(Probe(), total=42)
+    shown.page.evaluate("() => { window.model.send = () => { throw new Error('Cannot send'); }; }")
+    shown.root.get_by_role("button", name="add").click()
+    shown.page.wait_for_selector(".sfkit-waiting:has-text('after a restart of the kernel')")
+
+
 def test_nothing_listens_after_the_view_is_closed(stage: Open) -> None:
     shown = stage()
     shown.show_state(Probe())

@@ -104,8 +104,13 @@ export class Commands {
   send(command, values) {
     this.sent += 1;
     this.root.dataset.sent = String(this.sent);
-    this.model.send({ command, arguments: values, view: this.view, sequence: this.sent });
-    this.watchClock();
+    let patience = WAITING_AFTER;
+    try {
+      this.model.send({ command, arguments: values, view: this.view, sequence: this.sent });
+    } catch {
+      patience = 0; // the kernel that knew the widget was restarted: nobody will answer
+    }
+    this.watchClock(patience);
     return this.sent;
   }
 
@@ -133,16 +138,20 @@ export class Commands {
     }
   }
 
-  /** Say so when Python does not answer; a saved notebook has no one who could. */
-  watchClock() {
+  /**
+   * Say so when Python does not answer; a saved notebook has no one who could.
+   * @param {number} patience ms
+   */
+  watchClock(patience = WAITING_AFTER) {
     clearTimeout(this.timer);
     this.waiting.hidden = true;
     if (this.sent === this.acknowledged) return;
     this.timer = window.setTimeout(() => {
       this.waiting.hidden = false;
       this.waiting.textContent =
-        "Waiting for Python. On a saved page nobody answers: open the notebook, and run the cell that makes this widget.";
-    }, WAITING_AFTER);
+        "Waiting for Python. On a saved page, or after a restart of the kernel, nobody answers: run the cell that " +
+        "makes this widget in an open notebook.";
+    }, patience);
   }
 }
 
