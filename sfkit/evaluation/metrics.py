@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.measure import Kind, Metric
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
-from sfkit.evaluation.regions import EDGE_PIXELS, Mask, Regions, edge_mask, regions_of
+from sfkit.evaluation.regions import D1_PIXELS, EDGE_PIXELS, Mask, Regions, edge_mask, regions_of
 
 __all__ = [
     "EDGE_PIXELS",
@@ -37,7 +37,6 @@ __all__ = [
 
 THRESHOLDS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 REGIONS = ("all", "visible", "occluded", "edge")
-D1_PIXELS, D1_SHARE = 3.0, 0.05
 
 Map = NDArray[np.floating[Any]]
 
@@ -246,14 +245,24 @@ def count_errors(
         broken = {n: RegionErrors(k, math.inf if k else 0.0, (k,) * len(limits), k) for n, k in sizes.items()}
         return ImageErrors(regions.id, limits, nonfinite, broken)
     flat = prediction.ravel()
-    errors = np.abs(np.subtract(flat if regions.used is None else flat.take(regions.used), regions.truth))
-    counted = {}
-    for name, inside in regions.inside.items():
-        own, true = (v if inside is None else v.take(inside) for v in (errors, regions.truth))
-        above = tuple(int(np.count_nonzero(own > limit)) for limit in limits)
-        outliers = int(np.count_nonzero((own > D1_PIXELS) & (own > D1_SHARE * true)))
-        counted[name] = RegionErrors(len(own), float(own.sum()), above, outliers)
+    used = flat if regions.used is None else flat.take(regions.used)
+    errors = np.subtract(used, regions.truth, dtype=np.float64)
+    np.abs(errors, out=errors)
+    counted = {name: _count(errors, regions, name, limits) for name in regions.inside}
     return ImageErrors(regions.id, limits, nonfinite, counted)
+
+
+def _count(
+    errors: NDArray[np.float64], regions: Regions, name: str, limits: tuple[float, ...]
+) -> RegionErrors:
+    inside, (near, bounds) = regions.inside[name], regions.near[name]
+    own = errors if inside is None else errors.take(inside)
+    flags = np.empty(len(own), np.bool_)
+    above = {t: int(np.count_nonzero(np.greater(own, t, out=flags))) for t in {*limits, D1_PIXELS}}
+    large = own.take(near)
+    forgiven = int(np.count_nonzero((large > D1_PIXELS) & (large <= bounds)))
+    counts = tuple(above[t] for t in limits)
+    return RegionErrors(len(own), float(own.sum()), counts, above[D1_PIXELS] - forgiven)
 
 
 def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> float:

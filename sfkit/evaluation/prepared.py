@@ -18,7 +18,7 @@ from sfkit.evaluation.protocols import protocol
 from sfkit.evaluation.regions import Regions
 
 KEEP_BYTES = 2 << 30  # prepared inputs beyond this are made anew for every evaluation
-REGION_BYTES = 32  # a pixel, at most: its ground truth, and where it lies in which region
+REGION_BYTES = 88  # a pixel, at most: its ground truth, and where it lies in which region
 LOOK_ROWS = 64  # rows of each pair that are looked at for doubts; all rows would cost as much as loading
 
 

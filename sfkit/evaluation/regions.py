@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.pairs import Sample
 
 EDGE_PIXELS = 16
+D1_PIXELS, D1_SHARE = 3.0, 0.05
 
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -28,26 +29,34 @@ class Regions:
         id: the pair's name.
         size: (H, W) of the image.
         used: flat indices of the pixels that lie in any region; None where all do.
-        truth: (n,) float64, the ground truth of those pixels.
+        truth: (n,) the ground truth of those pixels, in the precision it came in: half the memory to read.
         inside: by region, positions among those pixels; None where all of them lie in it.
+        near: by region, positions among its pixels whose disparity is so large that D1 asks for more than
+            ``D1_PIXELS``, and (m,) float64 what it asks for there; everywhere else D1 is bad-3.
     """
 
     id: str
     size: tuple[int, ...]
     used: Index | None
-    truth: NDArray[np.float64]
+    truth: NDArray[np.floating[Any]]
     inside: Mapping[str, Index | None]
+    near: Mapping[str, tuple[Index, NDArray[np.float64]]]
 
     @classmethod
     def of(cls, name: str, truth: NDArray[np.floating[Any]], masks: Mapping[str, Mask]) -> Regions:
         """Sort the pixels of an image by masks (H, W); a pixel can lie in several regions, or in none."""
         used = np.flatnonzero(np.logical_or.reduce(list(masks.values())))
+        values = truth.ravel().take(used)
+        bounds = D1_SHARE * values.astype(np.float64)
         inside: dict[str, Index | None] = {}
+        near = {}
         for region, mask in masks.items():
             positions = np.flatnonzero(mask.ravel().take(used))
             inside[region] = None if len(positions) == len(used) else positions
-        values = truth.ravel().take(used).astype(np.float64)
-        return cls(name, truth.shape, None if len(used) == truth.size else used, values, inside)
+            own = bounds.take(positions)
+            large = np.flatnonzero(own > D1_PIXELS)
+            near[region] = (large, own.take(large))
+        return cls(name, truth.shape, None if len(used) == truth.size else used, values, inside, near)
 
     def pixels(self, region: str) -> int:
         """How many pixels lie in a region."""
