@@ -389,6 +389,20 @@ def test_names_are_text_and_never_markup(stage: Open, evaluator: sfkit.Evaluator
     assert shown.root.locator("img[src=x]").count() == 0
 
 
+@pytest.mark.parametrize("width", [1280, 1000, 900, 800])
+def test_names_of_sources_are_whole_words_in_columns_that_all_show(
+    stage: Open, evaluator: sfkit.Evaluator, width: int
+) -> None:
+    shown = stage(width=width)
+    names = ["photographic-noise", "uneven-exposure", "haze"]
+    shown.show_state(RoutingInspector(evaluator), sources=names)
+    grid = shown.root.locator(".grid-scroll")
+    assert grid.evaluate("(grid) => grid.scrollWidth - grid.clientWidth") == 0
+    lines = "(name) => Math.round(name.offsetHeight / parseFloat(getComputedStyle(name).lineHeight))"
+    found = [name.evaluate(lines) for name in shown.root.locator(".grid-name").all()]
+    assert all(n <= len(name.split("-")) for n, name in zip(found, names, strict=True)), found
+
+
 @pytest.mark.parametrize("width", [1280, 800])
 def test_nothing_is_clipped(stage: Open, evaluator: sfkit.Evaluator, width: int) -> None:
     shown = stage(width=width)
