@@ -183,7 +183,7 @@ def test_a_chart_tells_values_under_the_pointer_and_picks(stage: Open, routing: 
     wait_for_text(shown, ".sfkit-routing-which", "0 of 39")
     cells = shown.root.locator(".sfkit-routing-weight")
     assert cells.all_inner_texts() == ["0.33"] * 9
-    assert shown.root.locator(".sfkit-routing-scale").all_inner_texts() == ["× 1.00"] * 3
+    assert shown.root.locator("td.sfkit-routing-scale").all_inner_texts() == ["× 1.00"] * 3
     shown.root.get_by_role("button", name="Best").click()
     best = routing.trace["best"]
     wait_for_text(shown, ".sfkit-routing-which", f"{best} of 39")
@@ -218,6 +218,27 @@ def test_names_are_never_broken_within_a_word(stage: Open, routing: RoutingView)
             assert name.evaluate(
                 "(name) => name.getBoundingClientRect().width <= name.closest('th').clientWidth"
             )
+
+
+@pytest.mark.parametrize("width", [1280, 900, 480])
+def test_a_wide_heatmap_shows_or_scrolls_all_its_numbers(
+    stage: Open, width: int, routing: RoutingView
+) -> None:
+    wide = routing.trace["weights"]
+    weights = [[row * 3 for row in rows] for rows in wide]
+    colours = routing.trace["colours"] * 3
+    shown = stage(width=width)
+    names = [f"source-{n}" for n in range(9)]
+    shown.show_state(
+        routing, trace={**routing.trace, "sources": names, "weights": weights, "colours": colours}
+    )
+    cells = shown.root.locator(".sfkit-routing-heat :is(td, .sfkit-routing-scale)").all()
+    assert len(cells) == 3 * 10 + 1
+    assert all(cell.evaluate("(cell) => cell.scrollWidth <= cell.clientWidth") for cell in cells)
+    heat = shown.root.locator(".sfkit-routing-heat")
+    scrolls = heat.evaluate("(heat) => heat.scrollWidth > heat.clientWidth")
+    assert (heat.get_attribute("tabindex") == "0") == scrolls == (width == 480)
+    assert shown.findings() == []
 
 
 def test_names_of_sources_never_become_markup(stage: Open, population: PopulationView) -> None:

@@ -31,7 +31,8 @@ import { onWidth, showCharts } from "./charts.js";
 
 const NOTHING_YET = "No evaluation yet. Press Run or One step of a SearchControl, or call step() on the search.";
 const MARK = "var(--sf-mark)";
-const BESIDE_COLUMNS = 160; // px of the heatmap that blocks and scales take
+const BESIDE_COLUMNS = 170; // px of the heatmap that blocks and scales take
+const NARROWEST = 36; // px of a source's column
 const LETTER = 8; // px of one in the head, its share of the margins included
 
 /** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
@@ -43,7 +44,7 @@ function render(host) {
   const best = element("button", { type: "button", title: "Follow the best so far" }, "Best");
   const bar = element("div", { class: "sfkit-routing-bar" });
   bar.append(element("label", {}, "Evaluation ", slider), which, best);
-  const heat = element("div", { class: "sfkit-routing-heat" });
+  const heat = element("div", { class: "sfkit-routing-heat", role: "group", "aria-label": "Recipe on show" });
   const left = element("div", {});
   const right = element("div", {});
   const content = element("div", { class: "sfkit-routing-content" }, left, right);
@@ -77,7 +78,9 @@ function render(host) {
     const following = shown < 0 && now.best !== null ? ", best so far" : "";
     which.textContent = `${number} of ${now.evaluations - 1}: ${now.text[at]}${following}`;
     best.setAttribute("aria-pressed", String(shown < 0));
+    root.style.setProperty("--sf-heat", `${BESIDE_COLUMNS + NARROWEST * now.sources.length}px`);
     heat.replaceChildren(heatmap(now, at, (heat.clientWidth - BESIDE_COLUMNS) / LETTER));
+    heat.tabIndex = heat.scrollWidth > heat.clientWidth ? 0 : -1; // to scroll it by keyboard
     const pick = (/** @type {number} */ evaluation) => choose(now.drawn.indexOf(evaluation));
     const common = { xName: "evaluation", x: now.drawn, at: number, pick };
     showCharts(distribution, distributionCharts(now, common));
@@ -100,7 +103,7 @@ function heatmap(now, at, letters) {
   const table = element("table", { class: standsUpright(now.sources, letters) ? "sfkit-routing-upright" : null });
   table.append(element("caption", {}, "Routing weights (fraction) and module scales (factor)"));
   const names = now.sources.map((name) => element("th", { scope: "col" }, element("span", { title: name }, name)));
-  table.append(element("tr", {}, element("th", { scope: "col", class: "sfkit-routing-block" }, "block"), ...names, element("th", {}, "scale")));
+  table.append(element("tr", {}, element("th", { scope: "col", class: "sfkit-routing-block" }, "block"), ...names, element("th", { class: "sfkit-routing-scale" }, "scale")));
   now.blocks.forEach((block, b) => {
     const row = now.weights[at][now.tied ? 0 : b];
     const cells = row.map((weight) => weightCell(weight, now.shades));
