@@ -12,6 +12,7 @@ import pandas as pd
 
 from sfkit.analysis.bootstrap import Difference, Resampling
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
+from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
@@ -147,6 +148,21 @@ class Study:
             for result in self.run.results.values()
         ]
         return pd.DataFrame(rows).set_index("method")
+
+    def overhead_table(self, training: Mapping[str, float]) -> pd.DataFrame:
+        """What each method took beside the fine-tuning of the sources: the paper's table of costs.
+
+        Args:
+            training: source -> seconds its fine-tuning took.
+
+        Raises:
+            InputError: no training, or one without a positive time.
+        """
+        costs = [
+            MethodCost(result.label, result.evaluations, result.image_passes, result.seconds)
+            for result in self.run.results.values()
+        ]
+        return overhead_table(costs, training)
 
 
 def study(

@@ -28,7 +28,7 @@ def _deploy(study: Study) -> Iterator[str]:
     honest = sum(not other.oracle for other in study.runs.values())
     yield (
         f"**Deploy {study.chosen}**: {_content(result)}. Of {honest} networks that saw nothing but "
-        f"{guide.name} ({len(guide)} pairs) it scores best there, "
+        f"{guide.name} ({len(guide)} pair{'s' * (len(guide) != 1)}) it scores best there, "
         f"{score_text(study.metric, _guided(study))}."
     )
 
@@ -68,10 +68,10 @@ def _how_sure(study: Study) -> Iterator[str]:
         yield f"There it is {said} (95 % intervals by paired bootstrap; the unit is the image)."
     row = study.comparison.row(study.result.label)
     if row.spread is not None:
-        yield f"Between seeds that mean moves little or much: {row.spread}."
+        yield f"With other seeds that mean is another: {row.spread}."
     gap, before = study.comparison.row(study.reference).gap, study.comparison.row(BASE).gap
     if math.isfinite(gap) and math.isfinite(before):
-        unit = study.comparison.unit
+        unit = _points(study.comparison.unit)
         yield (
             f"From validation to the unseen benchmarks the mean changes by {gap:+.1f} {unit} for "
             f"{study.reference} and by {before:+.1f} {unit} for the base."
@@ -83,15 +83,20 @@ def _known(study: Study, name: str) -> bool:
 
 
 def _plainly(difference: Difference) -> str:
+    unit = _points(difference.unit)
     if difference.interval is None:
-        return f"{difference.value:+.2f} {difference.unit} from {difference.reference} ({difference.reason})"
+        word = "worse" if difference.value > 0 else "better"
+        why = f"no interval: {difference.reason}"
+        return f"{abs(difference.value):.2f} {unit} {word} than {difference.reference} ({why})"
     low, high = difference.interval
     word = "within noise of" if difference.within_noise else "better than" if high < 0 else "worse than"
     few = f", from only {min(difference.images)} image(s) a benchmark" if difference.few else ""
-    return (
-        f"{word} {difference.reference} ({difference.value:+.2f} {difference.unit}, "
-        f"{low:+.2f} to {high:+.2f}{few})"
-    )
+    return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f}{few})"
+
+
+def _points(unit: str) -> str:
+    """A difference of percentages is in points."""
+    return "points" if unit == "%" else unit
 
 
 def _others(study: Study) -> Iterator[str]:

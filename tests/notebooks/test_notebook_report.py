@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import nbformat
+import numpy as np
 import pandas as pd
 import pytest
 from nbformat import NotebookNode
 
+from sfkit import bank
 from sfkit.reports import report
 
 if TYPE_CHECKING:
@@ -29,9 +31,11 @@ SMALL = {
 
 # bad-3.0 in percent on two pairs of each benchmark, recorded on a CPU.
 SCORES = {"base": 31.5431, "single best (validation)": 20.2403, "uniform": 25.1404}
+# Cosines of two task vectors: those least alike, and those most.
+LEAST, MOST = 0.086, 0.383
 TABLES = (
-    *("main", "sources", "selection", "probes", "recipe", "stages", "metrics", "guides", "population"),
-    *("cost", "environment"),
+    *("main", "sources", "geometry", "cosines", "selection", "probes", "similarity", "recipe", "stages"),
+    *("metrics", "guides", "population", "cost", "overhead", "environment"),
 )
 
 
@@ -75,6 +79,22 @@ def test_ablations_begin_with_the_search_s_own_answer(folder: Path) -> None:
     assert table(folder, "guides")["guided by"].tolist() == ["courtyard", "indoor-rooms", "hazy-road"]
 
 
+def test_searches_cost_a_share_of_the_fine_tunings_they_start_from(folder: Path) -> None:
+    overhead = table(folder, "overhead").set_index("method")
+    trained = bank.training_seconds()
+    assert overhead.loc["fine-tuning the sources", "seconds"] == pytest.approx(sum(trained.values()))
+    spent = table(folder, "cost").set_index("method").loc["Stage 1+2", "seconds"]
+    assert overhead.loc["Stage 1+2", "overhead [%]"] == pytest.approx(100 * spent / sum(trained.values()))
+
+
+def test_task_vectors_have_the_cosines_of_the_bank(folder: Path) -> None:
+    cosines = table(folder, "cosines").set_index("source")
+    assert list(cosines.index) == list(cosines.columns) == list(bank.training_seconds())
+    assert cosines.to_numpy().diagonal() == pytest.approx(1.0)
+    between = cosines.to_numpy()[np.triu_indices(len(cosines), 1)]
+    assert [between.min(), between.max()] == pytest.approx([LEAST, MOST], abs=0.005)
+
+
 def test_the_page_says_first_what_to_deploy(executed: NotebookNode) -> None:
     spoken = next(cell for cell in executed.cells if cell.id == "summary").outputs
     (said,) = [output.data["text/markdown"] for output in spoken if "data" in output]
@@ -92,7 +112,7 @@ def test_the_page_says_whether_a_pair_was_held_out_and_that_no_test_was_seen(exe
 
 def test_every_figure_was_drawn_and_nothing_complained(executed: NotebookNode) -> None:
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
-    assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 8
+    assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 12
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
     assert "sfkit report report -p benchmark_pairs 2" in "".join(o.get("text", "") for o in outputs)
 
@@ -103,7 +123,7 @@ def test_the_page_shows_every_figure_without_a_network(folder: Path, browser: Br
     noise: list[str] = []
     asked: list[str] = []
     page = context.new_page()
-    page.set_default_timeout(300_000)  # eight figures take a busy machine long
+    page.set_default_timeout(300_000)  # twelve figures take a busy machine long
     page.on("console", lambda message: noise.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: noise.append(str(error)))
     page.on("request", lambda request: asked.append(request.url))
@@ -111,7 +131,7 @@ def test_the_page_shows_every_figure_without_a_network(folder: Path, browser: Br
     page.goto(address)
     page.wait_for_function("[...document.querySelectorAll('.plot')].every(p => p.querySelector('.gtitle'))")
     titles = page.locator(".plot .gtitle").all_text_contents()
-    assert len(titles) == 8
+    assert len(titles) == 12
     assert all("?" in title for title in titles)
     assert "Deploy single best (validation)" in page.locator("main li").first.inner_text()
     assert page.locator("table").count() >= 10
