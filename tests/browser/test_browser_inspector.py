@@ -178,6 +178,24 @@ def test_everything_by_keyboard(shown: Stage) -> None:
     assert stops.count() == 1, "the grid is one stop of the Tab key"
 
 
+def test_keys_that_come_faster_than_the_network_runs_all_count(shown: Stage) -> None:
+    struck = """(element, [key, times]) => {
+        element.focus();
+        for (let n = 0; n < times; n += 1)
+            element.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+    }"""
+    shown.page.locator(cell(shown, "neck", "a")).evaluate(struck, ["+", 4])
+    shown.settled()
+    assert inspector(shown).weights[1][0] == pytest.approx(1 / 3 + 4 * 0.05)
+    slider = shown.root.get_by_role("slider", name="Module scale of neck")
+    slider.evaluate(struck, ["ArrowRight", 5])
+    shown.settled()
+    assert inspector(shown).scales[1] == pytest.approx(1.25)
+    assert float(slider.input_value()) == pytest.approx(1.25)
+    sent = [message["command"] for message in shown.messages()]
+    assert sent == ["weigh", "weigh", "scale", "scale"], "of a row of keys the first and the last"
+
+
 def test_a_locked_weight_stays_and_cannot_be_dragged(shown: Stage) -> None:
     shown.page.locator(cell(shown, "head", "c")).click()
     shown.root.get_by_role("button", name="Lock c in head").click()

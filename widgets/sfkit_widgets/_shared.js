@@ -18,6 +18,7 @@
  * @property {(command: string, values?: object) => number} send a command; its sequence number
  * @property {(slot: string, command: string, values?: object) => void} sendLatest for drags: one on its way
  *   and the latest waiting, by slot
+ * @property {() => boolean} pending whether a command is on its way
  * @property {(text: string) => void} announce say it in the live region
  * @property {() => void} close what render returns
  */
@@ -67,6 +68,7 @@ export function mount({ model, el }, { label, kind }) {
     signal: ended.signal,
     send: (command, values = {}) => commands.send(command, values),
     sendLatest: (slot, command, values = {}) => commands.sendLatest(slot, command, values),
+    pending: () => commands.sent !== commands.acknowledged,
     announce: (text) => (live.textContent = text),
     close: () => ended.abort(),
   };

@@ -50,6 +50,8 @@ export class WeightGrid {
     this.blocks = model.get("blocks");
     /** @type {string[]} */
     this.sources = model.get("sources");
+    /** @type {{block: string, source: string, weight: number} | null} */
+    this.nudged = null;
     this.place = { row: 1, column: 0 }; // row 0 holds the sources' names
     /** @type {HTMLElement[][]} */
     this.cells = [this.sources.map((source) => this.head(source))];
@@ -158,6 +160,7 @@ export class WeightGrid {
 
   /** @param {KeyboardEvent} event */
   key(event) {
+    if (event.ctrlKey || event.metaKey) this.nudged = null;
     if (event.target instanceof HTMLInputElement || event.ctrlKey || event.metaKey || event.altKey) return;
     const size = { rows: this.cells.length, columns: this.sources.length };
     const to = gridStep(event.key, this.place, size);
@@ -182,7 +185,12 @@ export class WeightGrid {
     const { block, source } = this.selected;
     if (block === null) return;
     const step = sign * (event.shiftKey && event.key !== "+" ? FINE_STEP : STEP);
-    this.weigh(block, source, clamp(this.weight(block, source) + step, 0, 1));
+    // Keys come faster than networks run: the next adds to what was asked for, not to what is shown.
+    const asked = this.nudged?.block === block && this.nudged.source === source && this.view.pending();
+    const from = this.nudged && asked ? this.nudged.weight : this.weight(block, source);
+    const weight = clamp(from + step, 0, 1);
+    this.nudged = { block, source, weight };
+    this.view.sendLatest(`weigh ${block} ${source}`, "weigh", { block, source, weight });
   }
 
   toggleLock() {

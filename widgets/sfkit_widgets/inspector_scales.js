@@ -36,10 +36,14 @@ export function scaleColumn(view, model) {
   /** @type {string[]} */
   const blocks = model.get("blocks");
   const rows = blocks.map((block) => scaleRow(view, block, [low, high], at(1)));
-  // A number that was refused gives way to the scale that holds.
-  view.watch(["scales", "error"], () => {
-    model.get("scales").forEach((/** @type {number} */ scale, /** @type {number} */ b) => rows[b].show(scale));
+  /** @param {"show" | "settle"} how */
+  const all = (how) =>
+    model.get("scales").forEach((/** @type {number} */ scale, /** @type {number} */ b) => rows[b][how](scale));
+  view.watch(["scales"], () => all("show"));
+  view.watch(["error"], () => {
+    if (model.get("error")) all("show"); // a number that was refused gives way to the scale that holds
   });
+  view.watch(["acknowledged"], () => all("settle"));
   return element(
     "div",
     { class: "scales", role: "group", "aria-label": "Module scales" },
@@ -83,7 +87,8 @@ function scaleRow(view, block, [low, high], neutral) {
       if (steps === undefined) return;
       event.preventDefault();
       const value = clamp(Number((Number(slider.value) + steps).toFixed(4)), low, high);
-      view.send("scale", { block, value });
+      slider.value = String(value);
+      view.sendLatest(`scale ${block}`, "scale", { block, value });
     },
     { signal: view.signal },
   );
@@ -94,13 +99,21 @@ function scaleRow(view, block, [low, high], neutral) {
     },
     { signal: view.signal },
   );
+  /**
+   * What a hand is moving stays where the hand has it until Python has caught up.
+   * @param {number} scale
+   */
+  const settle = (scale) => {
+    if (slider !== document.activeElement || !view.pending()) slider.value = String(scale);
+  };
   return {
     row: element("div", { class: "scale-row" }, track, number),
     /** @param {number} scale */
     show(scale) {
-      slider.value = String(scale);
+      settle(scale);
       slider.setAttribute("aria-valuetext", scale.toFixed(2));
       if (number !== document.activeElement || Number(number.value) !== scale) number.value = scale.toFixed(2);
     },
+    settle,
   };
 }

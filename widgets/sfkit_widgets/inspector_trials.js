@@ -113,14 +113,16 @@ export function trialScrubber(view, model) {
       drawing("polyline", { points: steps.join(" "), class: "trial-best" }),
     );
   });
-  view.watch(["trials", "trial", "metric"], () => {
+  view.watch(["trials", "trial", "metric", "acknowledged"], () => {
     const { iteration, score, best: bests } = model.get("trials");
     const { name, unit } = model.get("metric");
     const trial = model.get("trial");
     const text = trialText(trial, { iteration, score, bests, name, unit });
     words.textContent = text;
     key.textContent = keyText(score, unit);
-    if (trial !== null) slider.value = String(trial);
+    // What a hand is moving stays where the hand has it until Python has caught up.
+    const held = slider === document.activeElement && view.pending();
+    if (trial !== null && !held) slider.value = String(trial);
     slider.setAttribute("aria-valuetext", text);
     marker.setAttribute("visibility", trial === null ? "hidden" : "visible");
     const [{ x }] = trial === null ? [{ x: 0 }] : chartPoints(score, [trial]);
