@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,9 +30,18 @@ from sfkit.cli.options import (
     names,
     pool_of,
     say,
-    store_of,
 )
 from sfkit.cli.outputs import check_file, check_store
+from sfkit.cli.validation import (
+    AlsoOption,
+    CombineOption,
+    GenerationsOption,
+    PopulationOption,
+    SeedOption,
+    described,
+    guides_of,
+    scoring,
+)
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator
 from sfkit.evaluation.engines import check_engine
@@ -47,9 +57,11 @@ def baselines(
         str | None,
         typer.Option("--names", help="Methods to run: uniform,ties,dare. All that suit unless given."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Governs every draw.")] = 0,
-    population: Annotated[int, typer.Option(help="Stage 1: subsets in a population.")] = 50,
-    generations: Annotated[int, typer.Option(help="Stage 1: generations.")] = 15,
+    also: AlsoOption = None,
+    combine: CombineOption = "mean",
+    seed: SeedOption = 0,
+    population: PopulationOption = 50,
+    generations: GenerationsOption = 15,
     evaluations: Annotated[int, typer.Option(help="Stage 2: evaluations.")] = 300,
     protocol: ProtocolOption = None,
     metric: MetricOption = None,
@@ -74,6 +86,7 @@ def baselines(
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --store scores.sqlite
       sfkit baselines bank --benchmark bank:courtyard --names uniform,task_arithmetic,ties --seed 1
       sfkit baselines pool.toml -b pairs -r ~/pairs --names dare,stage1 --population 20 --json
+      sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
     """
     SubsetSettings(population=population, generations=generations, seed=seed)
     RoutingSettings(evaluations=evaluations, seed=seed)
@@ -81,14 +94,14 @@ def baselines(
     place = device_of(device)
     check_engine(engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    guides = guides_of(chosen, also, combine)
     if out is not None:
         check_file("--out", out, ".csv", force=force)
     if store is not None:
         check_store(store)
     opened = pool_of(pool)
-    evaluator = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
-    with store_of(store) as kept, evaluator.with_store(kept) as scorer:
-        say(f"engine: {scorer.engine.describe()}")
+    options = {"device": place, "engine": engine, "workers": workers}
+    with scoring(opened, guides, combine, store, **options) as (evaluators, scorer):
         run = run_baselines(
             opened,
             scorer,
@@ -104,13 +117,14 @@ def baselines(
     document = {
         "pool": opened.name,
         "benchmark": chosen.describe(),
-        "metric": str(evaluator.metric),
-        "unit": evaluator.metric.unit,
+        **described(guides, combine),
+        "metric": str(evaluators[0].metric),
+        "unit": evaluators[0].metric.unit,
         "seed": seed,
         "baselines": [_entry(result) for result in run.results.values()],
         "skipped": run.skipped,
     }
-    emit(document, _text(evaluator, run), as_json=json)
+    emit(document, _text(evaluators, combine, run), as_json=json)
 
 
 def _methods(text: str) -> tuple[str, ...]:
@@ -145,9 +159,11 @@ def _entry(result: BaselineResult) -> dict[str, Any]:
     }
 
 
-def _text(evaluator: Evaluator, run: BaselineRun) -> str:
-    benchmark, unit = evaluator.benchmark, evaluator.metric.unit
-    head = f"{evaluator.metric} under protocol {benchmark.protocol} on {benchmark.name}, which tunes them"
+def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> str:
+    unit = evaluators[0].metric.unit
+    guides = [f"{one.benchmark.name} (protocol {one.benchmark.protocol})" for one in evaluators]
+    rule = f", the {combine} of them" if len(guides) > 1 else ""
+    head = f"{evaluators[0].metric} on {', '.join(guides)}{rule}: what tunes them"
     lines = [
         f"{label:24s} {row['validation']:9.4f} {unit}  {row['evaluations']:5d} evaluations"
         f" {row['seconds']:8.1f} s  {', '.join(filter(None, (row['chosen'], row['note'])))}".rstrip()

@@ -17,7 +17,7 @@ from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.preparation import prepared_for
 from sfkit.merging.saving import read_recipe
-from sfkit.places import BANK, open_benchmark, open_benchmarks, open_pool
+from sfkit.places import BANK, open_benchmark, open_pool
 from sfkit.search import subset_of, transfer
 
 Made = TypeVar("Made")
@@ -94,28 +94,6 @@ def benchmark_of(
     benchmark = open_benchmark(
         name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv, coding=coding
     )
-    benchmark.ensure_scorable()
-    return benchmark
-
-
-def also_benchmark(text: str, metric: str) -> Benchmark:
-    """A further benchmark as ``--also`` names it: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``.
-
-    Args:
-        text: the option.
-        metric: what it is measured by unless it names a metric itself.
-
-    Raises:
-        InputError: as :func:`sfkit.places.open_benchmarks`, or an entry that is no ``key=value``.
-    """
-    name, *entries = names(text)
-    values: dict[str, Any] = {"name": name, "metric": metric}
-    for entry in entries:
-        key, equals, value = (piece.strip() for piece in entry.partition("="))
-        if not equals:
-            raise InputError(f"--also: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
-        values[key] = int(value) if key == "pairs" and value.isdecimal() else value
-    (benchmark,) = open_benchmarks([values])
     benchmark.ensure_scorable()
     return benchmark
 

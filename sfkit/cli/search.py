@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -27,7 +26,6 @@ from sfkit.cli.options import (
     SubsetFromOption,
     SubsetOption,
     WorkersOption,
-    also_benchmark,
     benchmark_of,
     device_of,
     emit,
@@ -37,9 +35,18 @@ from sfkit.cli.options import (
     source_names,
 )
 from sfkit.cli.outputs import check_folder, check_store
+from sfkit.cli.validation import (
+    AlsoOption,
+    CombineOption,
+    GenerationsOption,
+    PopulationOption,
+    SeedOption,
+    described,
+    guides_of,
+    scoring,
+)
 from sfkit.datasets.measure import Metric
 from sfkit.errors import InputError
-from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator
 from sfkit.evaluation.engines import check_engine
 from sfkit.evaluation.holdout import LEAST
 from sfkit.inspection import recipe_lines
@@ -59,9 +66,9 @@ def search(
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
     coding: CodingOption = None,
-    seed: Annotated[int, typer.Option(help="Governs every draw.")] = 0,
-    population: Annotated[int, typer.Option(help="Stage 1: subsets in a population.")] = 50,
-    generations: Annotated[int, typer.Option(help="Stage 1: generations.")] = 15,
+    seed: SeedOption = 0,
+    population: PopulationOption = 50,
+    generations: GenerationsOption = 15,
     evaluations: Annotated[int, typer.Option(help="Stage 2: evaluations; 0 leaves Stage 2 out.")] = 300,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
@@ -80,13 +87,8 @@ def search(
     shrinkage: Annotated[
         float, typer.Option(help="Stage 2: pull towards Stage 1, in shares of its score.")
     ] = 0.0,
-    also: Annotated[
-        list[str] | None,
-        typer.Option(help="Validate on a further benchmark, NAME,root=FOLDER,protocol=..., or several."),
-    ] = None,
-    combine: Annotated[
-        str, typer.Option(help="With --also: guided by the mean or the worst of them.")
-    ] = "mean",
+    also: AlsoOption = None,
+    combine: CombineOption = "mean",
     blocks: Annotated[
         str | None,
         typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
@@ -134,25 +136,16 @@ def search(
     )
     place = device_of(device)
     check_engine(engine, workers)
-    if combine not in ("mean", "worst"):
-        raise InputError(f"--combine: found {combine!r}, expected mean or worst")
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
-    guides = [chosen, *(also_benchmark(text, chosen.metric) for text in also or ())]
+    guides = guides_of(chosen, also, combine)
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)
     opened = pool_of(pool, blocks)
     plan.check(opened)
-    prepared = [Evaluator(opened, guide, device=place, engine=engine, workers=workers) for guide in guides]
-    with EvaluationStore(kept_in) as kept, ExitStack() as stack:
-        evaluators = [stack.enter_context(one.with_store(kept)) for one in prepared]
-        scorer = CombinedScorer(evaluators, combine) if also else evaluators[0]
-        say(f"{opened!r}")
-        for one in evaluators:
-            guide = one.benchmark
-            say(f"validation: {guide.name} ({guide.coverage}), {one.metric}, protocol {guide.protocol}")
+    options = {"device": place, "engine": engine, "workers": workers}
+    with scoring(opened, guides, combine, kept_in, **options) as (evaluators, scorer):
         if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
             say(doubt)
-        say(f"engine: {evaluators[0].engine.describe()}")
         say(f"cost: {cost(opened, evaluators, plan)}")
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
@@ -161,7 +154,7 @@ def search(
     metric_name = str(evaluators[0].metric)
     check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)
     document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
-    document |= {"validation": [guide.name for guide in guides], "combine": combine if also else None}
+    document |= described(guides, combine)
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
     text = _text(found, evaluators[0].metric, counts)
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)

@@ -153,6 +153,7 @@ BASELINES = (
     _baselines("name", "--names unifrom", "'unifrom'", "did you mean 'uniform'"),
     _baselines("name-after-others", "--names uniform,tise", "'tise'", "did you mean 'ties'"),
     _baselines("no-names", "--names ,", "--names", "empty"),
+    _baselines("combine", "--also pairs,root=pairs --combine median", "--combine", "'median'", "worst"),
     _baselines("oracle", "--names uniform,single_best_oracle", "'single_best_oracle'", "sfkit report"),
     _baselines("seed", "--seed -1", "seed", "-1"),
     _baselines("population", "--population 1", "population", "1", "at least 2"),

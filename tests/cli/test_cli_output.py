@@ -152,9 +152,22 @@ def test_baselines(shell: Shell, world: Path) -> None:
     (again,) = shell.json(f"evaluate pool {PAIRS} --recipe ties.json")["scores"]
     assert again["score"] == rows["ties"]["score"], "the recipe rebuilds the network that was scored"
     text, progress = shell(line)
-    assert "epe under protocol all-valid on pairs, which tunes them" in text
+    assert "epe on pairs (protocol all-valid): what tunes them" in text
     assert f"{rows['ties']['score']:.4f} px" in next(t for t in text.splitlines() if t.startswith("TIES"))
     assert "4 of 4 methods done" in progress
+
+
+def test_baselines_on_two_benchmarks_take_their_worst(shell: Shell, world: Path) -> None:
+    write_pairs(world / "more", 3)
+    line = f"baselines pool {PAIRS} --names uniform --also pairs,root=more"
+    both = {how: shell.json(f"{line} --combine {how}") for how in ("mean", "worst")}
+    assert (both["worst"]["validation"], both["worst"]["combine"]) == (["pairs", "more"], "worst")
+    scores = [
+        shell.json(f"evaluate pool -b pairs -r {root} --metric epe --uniform")["scores"][0]["score"]
+        for root in ("pairs", "more")
+    ]
+    assert both["worst"]["baselines"][0]["score"] == pytest.approx(max(scores))
+    assert both["mean"]["baselines"][0]["score"] == pytest.approx(sum(scores) / 2)
 
 
 def test_baselines_that_do_not_suit_are_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,87 @@
+"""What guides searches and baselines: one benchmark, or several under one rule."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sfkit.cli.options import names, say, store_of
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.errors import InputError
+from sfkit.evaluation import CombinedScorer, Evaluator
+from sfkit.merging import Pool
+from sfkit.places import open_benchmarks
+
+AlsoOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--also", help="Validate on a further benchmark, NAME,root=FOLDER,protocol=...; or several."
+    ),
+]
+CombineOption = Annotated[
+    str, typer.Option("--combine", help="With --also: guided by the mean or the worst of them.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", help="Governs every draw.")]
+PopulationOption = Annotated[int, typer.Option("--population", help="Stage 1: subsets in a population.")]
+GenerationsOption = Annotated[int, typer.Option("--generations", help="Stage 1: generations.")]
+
+
+def guides_of(first: Benchmark, also: Sequence[str] | None, combine: str) -> tuple[Benchmark, ...]:
+    """The validation benchmarks, their files found and not yet read.
+
+    Raises:
+        InputError: ``--also`` or ``--combine`` cannot be understood.
+    """
+    if combine not in ("mean", "worst"):
+        raise InputError(f"--combine: found {combine!r}, expected mean or worst")
+    return (first, *(_also(text, first.metric) for text in also or ()))
+
+
+@contextmanager
+def scoring(
+    pool: Pool, guides: Sequence[Benchmark], combine: str, store: Path | None, **options: Any
+) -> Iterator[tuple[list[Evaluator], Evaluator | CombinedScorer]]:
+    """An evaluator for each validation benchmark, and what they say together.
+
+    Args:
+        pool: whose networks are merged.
+        guides: from :func:`guides_of`.
+        combine: how several are combined.
+        store: the evaluation store's file, opened once all else is in order; None keeps nothing.
+        options: of each evaluator: device, engine, workers.
+    """
+    prepared = [Evaluator(pool, guide, **options) for guide in guides]
+    with store_of(store) as kept, ExitStack() as stack:
+        evaluators = [stack.enter_context(one.with_store(kept)) for one in prepared]
+        say(f"{pool!r}")
+        for one in evaluators:
+            guide = one.benchmark
+            say(f"validation: {guide.name} ({guide.coverage}), {one.metric}, protocol {guide.protocol}")
+        say(f"engine: {evaluators[0].engine.describe()}")
+        yield evaluators, evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, combine)
+
+
+def described(guides: Sequence[Benchmark], combine: str) -> dict[str, Any]:
+    """For a document: the benchmarks' names, and how several are combined."""
+    return {
+        "validation": [guide.name for guide in guides],
+        "combine": combine if len(guides) > 1 else None,
+    }
+
+
+def _also(text: str, metric: str) -> Benchmark:
+    """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``."""
+    name, *entries = names(text)
+    values: dict[str, Any] = {"name": name, "metric": metric}
+    for entry in entries:
+        key, equals, value = (piece.strip() for piece in entry.partition("="))
+        if not equals:
+            raise InputError(f"--also: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
+        values[key] = int(value) if key == "pairs" and value.isdecimal() else value
+    (benchmark,) = open_benchmarks([values])
+    benchmark.ensure_scorable()
+    return benchmark
