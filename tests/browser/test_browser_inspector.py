@@ -194,6 +194,13 @@ def test_keys_that_come_faster_than_the_network_runs_all_count(shown: Stage) -> 
     assert float(slider.input_value()) == pytest.approx(1.25)
     sent = [message["command"] for message in shown.messages()]
     assert sent == ["weigh", "weigh", "scale", "scale"], "of a row of keys the first and the last"
+    weight = shown.page.locator(cell(shown, "head", "b"))
+    weight.evaluate(struck, ["+", 3])
+    weight.evaluate(struck, ["l", 1])
+    shown.settled()
+    assert inspector(shown).weights[3][1] == pytest.approx(1 / 3 + 3 * 0.05), "before the lock"
+    assert inspector(shown).locked[3][1]
+    assert inspector(shown).error == ""
 
 
 def test_a_locked_weight_stays_and_cannot_be_dragged(shown: Stage) -> None:

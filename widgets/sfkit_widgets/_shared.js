@@ -66,7 +66,7 @@ export function mount({ model, el }, { label, kind }) {
     body,
     watch,
     signal: ended.signal,
-    send: (command, values = {}) => commands.send(command, values),
+    send: (command, values = {}) => commands.sendAfterAll(command, values),
     sendLatest: (slot, command, values = {}) => commands.sendLatest(slot, command, values),
     pending: () => commands.sent !== commands.acknowledged,
     announce: (text) => (live.textContent = text),
@@ -114,6 +114,18 @@ export class Commands {
     }
     this.watchClock(patience);
     return this.sent;
+  }
+
+  /**
+   * Send a command behind those that wait in slots, which it may build on.
+   * @param {string} command
+   * @param {object} values
+   */
+  sendAfterAll(command, values) {
+    for (const held of this.slots.values()) {
+      if (held.next) Object.assign(held, { sequence: this.send(...held.next), next: null });
+    }
+    return this.send(command, values);
   }
 
   /**
