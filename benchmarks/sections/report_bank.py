@@ -30,9 +30,17 @@ Single sources:
 
 {markdown(done.table("sources", "network"))}
 
-What each method took, each for itself:
+As many sources as the search chose, picked by the likeness of their data to each target (the paper's data-set
+combinations), against what the search found:
+
+{markdown(done.table("similarity", "network"))}
+
+What each method took, each for itself, and beside the fine-tuning of the sources, whose seconds were measured
+when the bank was built:
 
 {markdown(done.table("cost", "method"), digits=1)}
+
+{markdown(done.table("overhead", "method"), digits=1)}
 
 Stages and scales (seed 0), then the metric and the benchmark that guide:
 

@@ -43,6 +43,13 @@ Single sources:
 
 {markdown(done.table("sources", "network"))}
 
+Cosines of the task vectors, by which the pool has fewer directions than sources, and how far each went, in
+percent of the base's norm:
+
+{markdown(done.table("cosines", "source"))}
+
+{markdown(done.table("geometry", "block"), digits=1)}
+
 What each method took, each for itself:
 
 {markdown(done.table("cost", "method"), digits=1)}
