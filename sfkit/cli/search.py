@@ -69,6 +69,9 @@ def search(
     seed: SeedOption = 0,
     population: PopulationOption = 50,
     generations: GenerationsOption = 15,
+    survival: Annotated[
+        str, typer.Option(help="Stage 1: tournament, as the paper, or truncation (best with population 20).")
+    ] = "tournament",
     evaluations: Annotated[int, typer.Option(help="Stage 2: evaluations; 0 leaves Stage 2 out.")] = 300,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
@@ -119,7 +122,7 @@ def search(
     """
     plan = Plan(
         subset=_subset(subset, subset_from),
-        stage1=SubsetSettings(population=population, generations=generations, seed=seed),
+        stage1=SubsetSettings(population=population, generations=generations, survival=survival, seed=seed),
         stage2=None
         if evaluations == 0
         else RoutingSettings(

@@ -21,7 +21,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.base import Search, SearchState
-from sfkit.search.breeding import Draft, SubsetSettings, bred, initial, survivors
+from sfkit.search.breeding import Draft, Rank, SubsetSettings, bred, initial, survivors
 from sfkit.search.checks import distinct_names, require_known
 from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.history import subset_history
@@ -149,20 +149,20 @@ class SubsetSearch(Search[SubsetCandidate]):
         if generation == 0:
             drafts = initial(settings, self.space, self._starts, rng)
         else:
-            drafts = bred(self._parents(), settings, self.space, rng)
+            drafts = bred(self._ranked(_members(state)), settings, self.space, rng)
         offspring = self._scored(drafts, generation)
         if generation == 0:
             population = tuple(candidate.number for candidate in offspring)
         else:
-            ranks = [candidate.rank for candidate in (*_members(state), *offspring)]
-            population = tuple(number for _, number in survivors(ranks, int(settings.population), rng))
+            pool = self._ranked((*_members(state), *offspring))
+            population = tuple(number for _, number in survivors(pool, settings, rng))
         self._state = SubsetState(
             generation, (*state.candidates, *offspring), (*state.populations, population)
         )
 
-    def _parents(self) -> list[tuple[Chromosome, tuple[float, int]]]:
+    def _ranked(self, candidates: Iterable[SubsetCandidate]) -> list[tuple[Chromosome, Rank]]:
         index = {name: i for i, name in enumerate(self.sources)}
-        return [(tuple(index[name] for name in c.chromosome), c.rank) for c in _members(self._state)]
+        return [(tuple(index[name] for name in c.chromosome), c.rank) for c in candidates]
 
     def _scored(self, drafts: Sequence[Draft], generation: int) -> tuple[SubsetCandidate, ...]:
         past = self._state.candidates

@@ -65,19 +65,33 @@ def test_offspring_come_in_pairs(size: int, expected: int) -> None:
 
 
 def test_survivors_hold_the_best_whatever_the_draws() -> None:
-    pool = [(float(i % 7), i) for i in range(3, 24)]
+    ranks = [(float(i % 7), i) for i in range(3, 24)]
+    pool = [((0, 1), rank) for rank in ranks]
     for seed in range(30):
-        chosen = survivors(pool, 6, np.random.default_rng(seed))
+        chosen = survivors(pool, SubsetSettings(population=6), np.random.default_rng(seed))
         assert len(chosen) == 6
         assert chosen[-1] == (0.0, 7)
-        assert set(chosen) <= set(pool)
+        assert set(chosen) <= set(ranks)
 
 
 def test_one_candidate_can_survive_more_than_once() -> None:
-    pool = [(0.0, 0), (1.0, 1)]
-    chosen = [survivors(pool, 8, np.random.default_rng(seed)) for seed in range(20)]
+    pool = [((0, 1), (0.0, 0)), ((0, 2), (1.0, 1))]
+    settings = SubsetSettings(population=8)
+    chosen = [survivors(pool, settings, np.random.default_rng(seed)) for seed in range(20)]
     assert all(entry.count((0.0, 0)) > 1 for entry in chosen)
     assert any((1.0, 1) in entry for entry in chosen)
+
+
+def test_truncation_keeps_the_best_different_subsets_and_draws_nothing() -> None:
+    pool = [
+        ((0, 1), (2.0, 0)), ((1, 2), (1.0, 1)), ((2, 1), (1.0, 2)), ((0, 3), (3.0, 3)), ((3, 4), (1.0, 4)),
+    ]  # fmt: skip
+    rng = np.random.default_rng(0)
+    before = rng.bit_generator.state
+    kept = survivors(pool, SubsetSettings(population=3, survival="truncation"), rng)
+    assert kept == ((1.0, 1), (1.0, 4), (2.0, 0)), "best first, ties to the earlier, (2, 1) is (1, 2) again"
+    assert len(survivors(pool, SubsetSettings(population=9, survival="truncation"), rng)) == 4
+    assert rng.bit_generator.state == before
 
 
 def test_starts_come_first_and_the_rest_is_random() -> None:
@@ -96,6 +110,7 @@ def test_starts_come_first_and_the_rest_is_random() -> None:
         ("crossover", 1.1, "crossover: found 1.1, expected a finite number between 0 and 1"),
         ("mutation", float("nan"), "mutation: found nan, expected a finite number between 0 and 1"),
         ("mutation", "0.3", "mutation: found '0.3'"),
+        ("survival", "elite", "unknown survival 'elite', expected one of: tournament, truncation"),
         ("seed", -1, "seed: found -1, expected a whole number of at least 0"),
     ],
 )

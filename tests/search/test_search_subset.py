@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from sfkit.search import Constraints, SubsetSearch, SubsetSettings
 from sfkit.search.breeding import bred, initial
 
 SMALL = SubsetSettings(population=12, generations=6, seed=3)
+TRUNCATING = replace(SMALL, survival="truncation")
 
 
 def scorer_of(count: int, seed: int = 0, kind=Scorer):
@@ -85,8 +87,24 @@ def test_populations_have_their_size_and_hold_the_best_of_their_pool() -> None:
     assert len(search.state.populations) == SMALL.generations + 1
 
 
-def test_parents_are_members_of_the_population_before() -> None:
-    search = SubsetSearch(names(8), BLOCKS, scorer_of(8), SMALL)
+def test_by_truncation_the_best_subsets_so_far_are_the_population() -> None:
+    """What is not among the best of its pool once never is again: the population is the archive's head."""
+    search = SubsetSearch(names(8), BLOCKS, scorer_of(8), TRUNCATING)
+    for generation in search:
+        if generation.number > 0:
+            assert search.population == search.archive(SMALL.population)
+
+
+def test_truncation_goes_on_where_there_are_fewer_subsets_than_places() -> None:
+    search = SubsetSearch(names(3), BLOCKS, scorer_of(3), TRUNCATING)
+    search.run()
+    assert len(search.population) == search.counts.distinct == 4
+    assert len(search.candidates) == 7 * SMALL.population
+
+
+@pytest.mark.parametrize("chosen", [SMALL, TRUNCATING])
+def test_parents_are_members_of_the_population_before(chosen: SubsetSettings) -> None:
+    search = SubsetSearch(names(8), BLOCKS, scorer_of(8), chosen)
     search.run()
     for candidate in search.candidates:
         if candidate.generation == 0:
@@ -139,22 +157,22 @@ def test_numpys_global_state_is_neither_read_nor_written() -> None:
     assert results[0] == results[1]
 
 
-@given(st.integers(0, 60))
-@settings(max_examples=12, deadline=None)
-def test_killed_anywhere_and_started_again_it_repeats_nothing(lives: int) -> None:
+@given(st.integers(0, 60), st.sampled_from([SMALL, TRUNCATING]))
+@settings(max_examples=24, deadline=None)
+def test_killed_anywhere_and_started_again_it_repeats_nothing(lives: int, chosen: SubsetSettings) -> None:
     landscape = subset_landscape(7, 2)
-    whole = SubsetSearch(names(7), BLOCKS, Scorer(lambda r: landscape(r.sources)), SMALL)
+    whole = SubsetSearch(names(7), BLOCKS, Scorer(lambda r: landscape(r.sources)), chosen)
     whole.run()
     store: dict = {}
     first = StoredScorer(lambda r: landscape(r.sources), store, lives)
     killed = lives < whole.counts.distinct
     try:
-        SubsetSearch(names(7), BLOCKS, first, SMALL).run()
+        SubsetSearch(names(7), BLOCKS, first, chosen).run()
         assert not killed
     except Killed:
         assert killed
     second = StoredScorer(lambda r: landscape(r.sources), store)
-    again = SubsetSearch(names(7), BLOCKS, second, SMALL)
+    again = SubsetSearch(names(7), BLOCKS, second, chosen)
     assert again.run().subset == whole.best.subset
     assert trace(again) == trace(whole)
     assert not set(first.computed) & set(second.computed)
