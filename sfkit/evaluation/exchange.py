@@ -77,7 +77,7 @@ def export_evaluations(store: EvaluationStore, path: Path) -> Path:
         table.to_parquet(path, index=False)
     except ImportError as error:
         raise InputError(
-            f"{path}: writing parquet needs pyarrow (pip install pyarrow), or end it in .csv"
+            f"{path}: writing parquet needs pyarrow (pip install 'sfkit[parquet]'), or end it in .csv"
         ) from error
     return path
 

@@ -8,21 +8,45 @@ import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import cv2
 import nbformat
 import numpy as np
+import pytest
 import torch
 from safetensors.torch import load_file, save_file
 from tiny import write_pairs, write_pool
 
 from sfkit import Elect, FisherMean, Trim
+from sfkit.cli import main
 from sfkit.datasets.pfm import write_pfm
 from sfkit.merging import Recipe, open_pool
 from sfkit.merging.saving import save_merged
 
 SOURCES = {"a": "kitti", "b": "driving", "c": "indoor"}
 BLOCKS = ("backbone", "neck", "cost_volume", "head")
+
+
+class Shell:
+    """Runs command lines in this process."""
+
+    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
+        self.capsys = capsys
+
+    def __call__(self, line: str, code: int = 0) -> tuple[str, str]:
+        with pytest.raises(SystemExit) as ended:
+            main(line.split())
+        out, errors = self.capsys.readouterr()
+        assert ended.value.code == code, errors
+        return out, errors
+
+    def json(self, line: str, code: int = 0) -> Any:
+        """The one document on standard output, which holds nothing else."""
+        out, _ = self(f"{line} --json", code)
+        document, end = json.JSONDecoder().raw_decode(out)
+        assert out[end:] == "\n"
+        return document
 
 
 def make_world(folder: Path) -> Path:

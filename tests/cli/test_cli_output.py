@@ -14,14 +14,13 @@ import pandas as pd
 import pytest
 import torch
 import typer
-from cli_world import rename_sources
+from cli_world import Shell, rename_sources
 from safetensors.torch import load_file, save_file
 from tiny import base_state, write_pairs, write_pool
 
 from sfkit import Elect, Evaluator, Trim, open_benchmark, prepare
 from sfkit.baselines import running
 from sfkit.checkpoints.reading import read_checkpoint
-from sfkit.cli import main
 from sfkit.cli.app import app
 from sfkit.datasets.pfm import read_pfm
 from sfkit.evaluation import EvaluationStore
@@ -37,27 +36,6 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     write_pairs(tmp_path / "pairs", 2)
     monkeypatch.chdir(tmp_path)
     return tmp_path
-
-
-class Shell:
-    """Runs command lines in this process."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self.capsys = capsys
-
-    def __call__(self, line: str, code: int = 0) -> tuple[str, str]:
-        with pytest.raises(SystemExit) as ended:
-            main(line.split())
-        out, errors = self.capsys.readouterr()
-        assert ended.value.code == code, errors
-        return out, errors
-
-    def json(self, line: str, code: int = 0) -> Any:
-        """The one document on standard output, which holds nothing else."""
-        out, _ = self(f"{line} --json", code)
-        document, end = json.JSONDecoder().raw_decode(out)
-        assert out[end:] == "\n"
-        return document
 
 
 @pytest.fixture
