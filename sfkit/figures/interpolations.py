@@ -49,7 +49,7 @@ def interpolation_figure(
     return finish(
         figure,
         theme=theme,
-        title="What lies between two networks?",
+        title=f"What lies between {escape(ends[0])} and {escape(ends[1])}?",
         subtitle=_answer(curves, bool(guided)),
         height=height or 460,
         margin={"b": 130},
