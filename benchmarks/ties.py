@@ -32,10 +32,10 @@ def part_of(vector: torch.Tensor, piece: Piece) -> torch.Tensor:
 
 def elected(world: World, density: float, known: Thresholds, out: torch.Tensor) -> torch.Tensor:
     """The task vector that TIES makes of all sources."""
-    rows = []
-    for name, vector in zip(world.names, world.vectors, strict=True):
-        row = Row(name, partial(part_of, vector))
-        rows.append(thinned(row, Trim(density), world.layout, f"{name} trimmed", known))
+    step = Trim(density)
+    read = [Row(n, partial(part_of, v)) for n, v in zip(world.names, world.vectors, strict=True)]
+    known.find(read, step, world.layout)
+    rows = [thinned(row, step, world.layout, f"{row.fingerprint} trimmed", known) for row in read]
     fuse(Elect(), rows, world.layout, out)
     return out
 

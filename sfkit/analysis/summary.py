@@ -65,7 +65,9 @@ def _how_sure(study: Study) -> Iterator[str]:
     against = study.differences(study.chosen, [name for name in references if name != study.chosen])
     if against:
         said = "; ".join(_plainly(difference) for difference in against)
-        yield f"There it is {said} (95 % intervals by paired bootstrap; the unit is the image)."
+        known = any(difference.interval is not None for difference in against)
+        how = " (95 % intervals by paired bootstrap; the unit is the image)" if known else ""
+        yield f"There it is {said}{how}."
     row = study.comparison.row(study.result.label)
     if row.spread is not None:
         yield f"With other seeds that mean is another: {row.spread}."

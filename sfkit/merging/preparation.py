@@ -27,7 +27,7 @@ from sfkit.merging.opening import ITSELF, Checked
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.sparsity import Piece, Row, Thresholds, pieces, thinned
-from sfkit.merging.steps import Elect, FisherMean, Fused, Sparse, Step, describe, settings
+from sfkit.merging.steps import Elect, FisherMean, Fused, Sparse, Step, Trim, describe, settings
 
 VERSION = 1  # of what the steps compute: a change makes old evaluations and cached vectors unknown
 
@@ -71,6 +71,8 @@ def prepare(
     known = thresholds or Thresholds()
     sources = [_Source(member, pool.origins[member.name], _row(pool, member)) for member in pool.sources]
     for step in active:
+        if isinstance(step, Trim):
+            known.find([source.row for source in sources], step, pool.layout)
         if isinstance(step, Sparse):
             sources = [_thinned(source, step, pool, known) for source in sources]
         else:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
@@ -62,6 +63,11 @@ class Thresholds:
 
     def __init__(self) -> None:
         self._known: dict[tuple[str, float, str], Mapping[str, float]] = {}
+
+    def find(self, rows: Sequence[Row], step: Trim, layout: FlatLayout) -> None:
+        """Find those of all rows, as many rows at a time as torch has threads."""
+        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+            list(pool.map(lambda row: self.get(row, step, layout), rows))
 
     def get(self, row: Row, step: Trim, layout: FlatLayout) -> Mapping[str, float]:
         """Key -> smallest magnitude that is kept in that tensor."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from sfkit.evaluation.metrics import ImageErrors
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
 from sfkit.merging.recipe import Recipe
+
+AHEAD = 2  # maps that wait for their errors to be counted, at most, while the network goes on
 
 
 class DeviceLostError(SfkitError):
@@ -58,12 +61,24 @@ class Worker:
         failure = None
         try:
             self._hold(recipe)
-            samples = self.benchmark.samples
-            images = tuple(self.benchmark.errors(samples[n], self.predict(n)) for n in range(start, stop))
+            images = self._errors(range(start, stop))
         except Exception as error:  # whatever a network raises is recorded as this candidate's failure
             failure = f"{type(error).__name__}: {error}"
             self._check_device(failure)
         return Result(images, failure, time.perf_counter() - started)
+
+    def _errors(self, numbers: range) -> tuple[ImageErrors, ...]:
+        """Errors of each pair, counted in a thread of their own while the network runs on the next pair."""
+        samples = self.benchmark.samples
+        with ThreadPoolExecutor(1) as counting:
+            jobs: list[Future[ImageErrors]] = []
+            for number in numbers:
+                if len(jobs) >= AHEAD:
+                    jobs[-AHEAD].result()
+                # A copy: a network may write its next map where this one lies.
+                prediction = self.predict(number).copy()
+                jobs.append(counting.submit(self.benchmark.errors, samples[number], prediction))
+            return tuple(job.result() for job in jobs)
 
     def predict(self, number: int) -> NDArray[np.float32]:
         """Disparity (H, W) in pixels of one pair under the recipe the model holds now."""
