@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 from flat_world import LEVELS, benchmark, calls, flat_pool, repaired, sample
 
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark, open_benchmark
@@ -285,3 +286,20 @@ def test_one_scorer_for_one_benchmark_or_several(pool: Pool) -> None:
             validation_scorer(pool, empty)
     with pytest.raises(InputError, match="estimate: found a scorer that is no Evaluator"):
         estimate(CombinedScorer([lambda recipes: []]), pool.equal("high"), 1)
+
+
+def test_a_network_may_write_its_next_map_where_the_last_one_lay(
+    pool: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evaluator = Evaluator(pool, benchmark(truths=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)), metric="epe")
+    evaluator([pool.uniform()])
+    maps: list[torch.Tensor] = []
+
+    def forward(left: torch.Tensor, _right: torch.Tensor) -> torch.Tensor:
+        if not maps:
+            maps.append(torch.zeros(1, *left.shape[-2:]))
+        return maps[0].add_(10.0)
+
+    monkeypatch.setattr(evaluator.engine.worker.model.network, "forward", forward)
+    (found,) = evaluator.evaluate([pool.equal("low")])
+    assert [image.value("epe") for image in found.images] == [9.0, 18.0, 27.0, 36.0, 45.0, 54.0]
