@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import json
+import subprocess
+import sys
 import threading
 import weakref
 from collections.abc import Callable, Iterator
@@ -250,3 +252,20 @@ def test_the_publisher_refreshes_until_told_otherwise_and_keeps_nothing_alive() 
     thread.join(PATIENCE)
     gc.collect()
     assert gone() is None
+
+
+SCRIPT = """
+import sys, tempfile, pathlib, sfkit, sfkit_widgets
+from flat_world import benchmark, flat_pool
+pool = flat_pool(pathlib.Path(tempfile.mkdtemp()))
+scorer = sfkit.Evaluator(pool, benchmark())
+view = sfkit_widgets.PopulationView(sfkit.SubsetSearch(pool.names, pool.blocks, scorer))
+"""
+
+
+def test_a_script_that_made_a_widget_ends() -> None:
+    tests = Path(__file__).parents[1]
+    ended = subprocess.run(
+        [sys.executable, "-c", SCRIPT], cwd=tests, capture_output=True, text=True, timeout=PATIENCE
+    )
+    assert ended.returncode == 0, ended.stderr
