@@ -1,4 +1,4 @@
-"""Reading checkpoints: safetensors, and torch files without pickled code.
+"""Reading checkpoints: safetensors, whole or in parts, and torch files without pickled code.
 
 One file is open at a time and its tensors are mapped where the format allows, so that the memory a
 pool needs does not grow with its number of sources.
@@ -17,11 +17,14 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError, safe_open
 
-from sfkit.checkpoints.layouts import OWN, Layout, common_prefix, unwrap
+from sfkit.checkpoints.inert import load_inert
+from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
 from sfkit.errors import InputError, nearest
 
-TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar")
+TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
 SUFFIXES = (".safetensors", *TORCH_SUFFIXES)
+INDEX = ".safetensors.index.json"  # of a network in several files: which tensor is in which
+MAX_INDEX_BYTES = 64 * 2**20
 
 
 @dataclass(frozen=True)
@@ -44,30 +47,51 @@ class CheckpointFile:
     mapped: bool = True
 
 
-def read_checkpoint(path: str | Path) -> CheckpointFile:
-    """Open one checkpoint.
+def is_checkpoint_name(path: Path) -> bool:
+    """True for a file that by its ending is a checkpoint, in capitals or not."""
+    return path.suffix.lower() in SUFFIXES or path.name.endswith(INDEX)
+
+
+def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> CheckpointFile:
+    """Open one checkpoint: a safetensors file or the index of several, or a torch file.
+
+    Objects of unknown classes beside the weights are left out, and none of their code runs.
+
+    Args:
+        path: the file.
+        wrapping: the container to read; recognised unless given.
 
     Raises:
-        InputError: the file is missing, of another kind, truncated, holds no state dict, or needs
-            pickled code to be read.
+        InputError: the file is missing, of another kind, truncated, or holds no state dict.
     """
-    path = Path(path)
+    path, wrapping = Path(path), wrapping or Wrapping()
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a checkpoint{_nearest_file(path)}")
-    if path.suffix == ".safetensors":
+    if path.name.endswith(INDEX):
+        return _read_shards(path)
+    if path.suffix.lower() == ".safetensors":
         return _read_safetensors(path)
-    if path.suffix in TORCH_SUFFIXES:
-        return _read_torch(path)
-    raise InputError(f"{path}: found the ending {path.suffix!r}, expected one of {', '.join(SUFFIXES)}")
+    if path.suffix.lower() in TORCH_SUFFIXES:
+        return _read_torch(path, wrapping)
+    raise InputError(
+        f"{path}: found the ending {path.suffix!r}, expected one of {', '.join((*SUFFIXES, INDEX))}"
+    )
 
 
 def _nearest_file(path: Path) -> str:
     if not path.parent.is_dir():
         return f" (its folder {path.parent} does not exist)"
-    return nearest(path.name, (p.name for p in path.parent.iterdir() if p.suffix in SUFFIXES))
+    return nearest(path.name, (p.name for p in path.parent.iterdir() if is_checkpoint_name(p)))
 
 
 def _read_safetensors(path: Path) -> CheckpointFile:
+    found, metadata = _safe_tensors(path)
+    layout = Layout(metadata.get("sfkit.container") or None, common_prefix(found))
+    tensors = {key[len(layout.prefix) :]: tensor for key, tensor in found.items()}
+    return CheckpointFile(path, tensors, layout, metadata)
+
+
+def _safe_tensors(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
     try:
         with safe_open(path, framework="pt", device="cpu") as file:
             metadata = dict(file.metadata() or {})
@@ -76,15 +100,53 @@ def _read_safetensors(path: Path) -> CheckpointFile:
         raise InputError(f"{path}: cannot be read as safetensors ({error}), expected a whole file") from error
     if not found:
         raise InputError(f"{path}: holds no tensors, expected a network's weights")
-    layout = Layout(metadata.get("sfkit.container") or None, common_prefix(found))
-    tensors = {key[len(layout.prefix) :]: tensor for key, tensor in found.items()}
-    return CheckpointFile(path, tensors, layout, metadata)
+    return found, metadata
 
 
-def _read_torch(path: Path) -> CheckpointFile:
+def _read_shards(path: Path) -> CheckpointFile:
+    """The tensors of all files an index names, which lie beside it."""
+    places = _index(path)
+    found: dict[str, torch.Tensor] = {}
+    for name in sorted(set(places.values())):
+        if Path(name).name != name:
+            raise InputError(f"{path}: names the file {name!r}, expected files of its own folder")
+        shard = path.with_name(name)
+        if not shard.is_file():
+            raise InputError(f"{path}: names {name}, which is not there, expected every part of the network")
+        tensors, _ = _safe_tensors(shard)
+        twice = next((key for key in tensors if key in found), None)
+        if twice is not None:
+            raise InputError(f"{shard}: holds {twice!r}, which another part of {path.name} holds as well")
+        found |= tensors
+    lost = next((key for key in places if key not in found), None)
+    if lost is not None:
+        raise InputError(
+            f"{path}: places {lost!r} in {places[lost]}, where it is not: are the parts of one set?"
+        )
+    prefix = common_prefix(found)
+    tensors = {key[len(prefix) :]: tensor for key, tensor in found.items()}
+    return CheckpointFile(path, tensors, Layout(None, prefix))
+
+
+def _index(path: Path) -> dict[str, str]:
+    if path.stat().st_size > MAX_INDEX_BYTES:
+        raise InputError(f"{path}: is {path.stat().st_size} bytes long, expected an index of tensors")
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{path}: no JSON ({error}), expected an index of safetensors files") from error
+    places = content.get("weight_map") if isinstance(content, dict) else None
+    if not isinstance(places, dict) or not places or not all(isinstance(v, str) for v in places.values()):
+        raise InputError(
+            f"{path}: has no weight_map of tensor -> file, expected an index of safetensors files"
+        )
+    return places
+
+
+def _read_torch(path: Path, wrapping: Wrapping) -> CheckpointFile:
     try:
         mapped = zipfile.is_zipfile(path)  # files from before torch 1.6 are no archives
-        content = torch.load(path, map_location="cpu", weights_only=True, mmap=mapped)
+        content = load_inert(path, mapped=mapped)
     except pickle.UnpicklingError as error:
         raise InputError(_refusal(path, str(error))) from error
     except (
@@ -99,7 +161,7 @@ def _read_torch(path: Path) -> CheckpointFile:
     ) as error:
         reason = _first_sentence(str(error)) or type(error).__name__
         raise InputError(f"{path}: cannot be read ({reason}), expected a whole torch file") from error
-    tensors, layout = unwrap(content, path)
+    tensors, layout = unwrap(content, path, wrapping.container)
     return CheckpointFile(path, tensors, layout, _own_metadata(path, content), mapped)
 
 

@@ -17,6 +17,9 @@
     file = "ft_kitti2012.tar"
     licence = "MIT; trained on KITTI (CC BY-NC-SA 3.0)"
 
+    container = "ema"                   # optional, here or at the top: the entry of the file that holds the
+    prefix = "model."                   # weights, and what stands before their keys; recognised otherwise
+
     [blocks]                            # optional; replaces the architecture's own partition
     backbone = ["feature_extraction.*"]
     head = ["volume_postprocess.*"]
@@ -31,14 +34,15 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from sfkit.checkpoints.layouts import Wrapping
 from sfkit.errors import InputError, unknown_name
 
-_KEYS = ("name", "architecture", "root", "options", "base", "sources", "blocks")
-_MEMBER_KEYS = ("file", "licence", "note")
+_KEYS = ("name", "architecture", "root", "options", "base", "sources", "blocks", "container", "prefix")
+_MEMBER_KEYS = ("file", "licence", "note", "container", "prefix")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 
 
@@ -50,6 +54,7 @@ class Member:
     path: Path
     licence: str = ""
     note: str = ""
+    wrapping: Wrapping = field(default_factory=Wrapping)
 
 
 @dataclass(frozen=True)
@@ -93,14 +98,17 @@ def _spec(values: dict[str, Any], path: Path) -> PoolSpec:
         if key not in _KEYS:
             raise unknown_name(f"key of {path}", key, _KEYS)
     root = _root(values.get("root", "."), path)
+    common = _wrapping(values, path, "", Wrapping())
     sources = _table(values, "sources", path)
     if not sources:
         raise InputError(f"{path}: names no sources, expected one [sources.NAME] table for each")
-    members = tuple(_member(name, entry, root, path, f"sources.{name}") for name, entry in sources.items())
+    members = tuple(
+        _member(name, entry, root, path, f"sources.{name}", common) for name, entry in sources.items()
+    )
     return PoolSpec(
         name=_text(values, "name", path),
         architecture=_text(values, "architecture", path),
-        base=_member("base", _table(values, "base", path), root, path, "base"),
+        base=_member("base", _table(values, "base", path), root, path, "base", common),
         sources=members,
         options=dict(_table(values, "options", path, required=False)),
         blocks=None if isinstance(values.get("blocks"), str) else _blocks(values, path),
@@ -126,7 +134,7 @@ def _root(text: object, path: Path) -> Path:
     return root.resolve()
 
 
-def _member(name: str, entry: object, root: Path, path: Path, where: str) -> Member:
+def _member(name: str, entry: object, root: Path, path: Path, where: str, common: Wrapping) -> Member:
     if not _NAME.fullmatch(name):
         raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . + - only")
     if not isinstance(entry, dict):
@@ -134,13 +142,25 @@ def _member(name: str, entry: object, root: Path, path: Path, where: str) -> Mem
     for key in entry:
         if key not in _MEMBER_KEYS:
             raise unknown_name(f"key of [{where}] in {path}", key, _MEMBER_KEYS)
-    file = (root / _text(entry, "file", path, where)).resolve()
-    if not file.is_relative_to(root):
+    file = Path(os.path.normpath(root / _text(entry, "file", path, where)))
+    if not file.is_relative_to(root) or not file.resolve().is_relative_to(_reach(root)):
         raise InputError(
             f"{path}: {where}.file {entry['file']!r} leaves the root {root}, expected a path under it"
         )
     optional = {key: _text(entry, key, path, where) for key in ("licence", "note") if key in entry}
-    return Member(name, file, **optional)
+    return Member(name, file, **optional, wrapping=_wrapping(entry, path, where, common))
+
+
+def _wrapping(values: Mapping[str, Any], path: Path, where: str, common: Wrapping) -> Wrapping:
+    said = {key: _text(values, key, path, where) for key in ("container", "prefix") if key in values}
+    return replace(common, **said)
+
+
+def _reach(root: Path) -> Path:
+    """Where links under the root may lead: in a hub's cache, from a snapshot to the repository's blobs."""
+    snapshots = next((p for p in (root, *root.parents) if p.parent.name == "snapshots"), None)
+    repository = snapshots.parent.parent if snapshots is not None else root
+    return repository if repository.name.startswith("models--") else root
 
 
 def _blocks(values: Mapping[str, Any], path: Path) -> dict[str, tuple[str, ...]] | None:

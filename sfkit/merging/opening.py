@@ -18,7 +18,8 @@ from sfkit.checkpoints.checks import (
     check_values,
 )
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
-from sfkit.checkpoints.layouts import Layout
+from sfkit.checkpoints.layouts import Layout, Wrapping
+from sfkit.checkpoints.prefixes import network_prefix
 from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, SfkitError
@@ -99,13 +100,13 @@ class PoolOpener:
         """
         opened: list[CheckpointFile | None] = []
         for number, member in enumerate(members):
-            file = self.read(member.path, is_base=number == 0)
+            file = self.read(member.path, is_base=number == 0, wrapping=member.wrapping)
             opened.append(file if file.mapped else None)
         return opened
 
-    def read(self, path: Path, *, is_base: bool) -> CheckpointFile:
+    def read(self, path: Path, *, is_base: bool, wrapping: Wrapping | None = None) -> CheckpointFile:
         """One file with keys as the network names them, its keys and shapes checked."""
-        file = read_checkpoint(path)
+        file = self._bare(read_checkpoint(path, wrapping), wrapping)
         if self.architecture.rename is not None:
             names = self.architecture.rename(file.tensors)
             tensors = {names.get(key, key): tensor for key, tensor in file.tensors.items()}
@@ -119,6 +120,20 @@ class PoolOpener:
                 raise InputError(f"{path}: {error}") from error
         check_keys(path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base)
         return replace(file, tensors=self._unaliased(file.tensors))
+
+    def _bare(self, file: CheckpointFile, wrapping: Wrapping | None) -> CheckpointFile:
+        """The file without what stands before the network's keys, and without keys of anything else."""
+        prefix = network_prefix(
+            file.path,
+            file.tensors,
+            [s.key for s in self.specs if not (s.tolerant or s.optional or s.aliases)],
+            self.architecture.rename,
+            wrapping.prefix if wrapping else None,
+        )
+        if not prefix:
+            return file
+        tensors = {k.removeprefix(prefix): t for k, t in file.tensors.items() if k.startswith(prefix)}
+        return replace(file, tensors=tensors, layout=replace(file.layout, prefix=file.layout.prefix + prefix))
 
     def _unaliased(self, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
         """The tensors with every aliased one under all its keys, under whichever it was found."""

@@ -295,11 +295,17 @@ def open_pool(
     partition.check(spec.key for spec in specs)
     opener = PoolOpener(entry, options, specs, cache or VectorCache())
     base_file, *files = opener.headers((spec.base, *spec.sources))
-    base_file = base_file or opener.read(spec.base.path, is_base=True)
+    base_file = base_file or opener.read(spec.base.path, is_base=True, wrapping=spec.base.wrapping)
     base, record = opener.base(spec.base, base_file)
     order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
     staged = [
-        opener.source(member, file or opener.read(member.path, is_base=False), base_file, record, order)
+        opener.source(
+            member,
+            file or opener.read(member.path, is_base=False, wrapping=member.wrapping),
+            base_file,
+            record,
+            order,
+        )
         for member, file in zip(spec.sources, files, strict=True)
     ]
     sources = [source.member for source in staged]

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sfkit.checkpoints.reading import SUFFIXES, read_checkpoint
+from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
 from sfkit.checkpoints.writing import FileForm, write_checkpoint
 from sfkit.errors import InputError
 from sfkit.merging.opening import Checked
@@ -151,7 +151,7 @@ def read_recipe(path: str | Path) -> Recipe:
         InputError: no such file, or no recipe in it.
     """
     path = Path(path)
-    if path.suffix in SUFFIXES:
+    if is_checkpoint_name(path):
         origin = read_origin(path)
         if origin is None:
             raise InputError(

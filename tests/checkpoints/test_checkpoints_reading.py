@@ -50,10 +50,9 @@ def test_safetensors(tmp_path: Path) -> None:
     assert torch.equal(file.tensors["a.weight"], STATE["a.weight"])
 
 
-def test_pickled_code_is_refused_and_does_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_code_beside_the_weights_does_not_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     torch.save({"state_dict": STATE, "args": Opaque()}, tmp_path / "x.pth")
-    with pytest.raises(InputError, match=r"x\.pth: reading it would run pickled code"):
-        read_checkpoint(tmp_path / "x.pth")
+    assert read_checkpoint(tmp_path / "x.pth").tensors.keys() == STATE.keys()
     assert "code ran" not in capsys.readouterr().out
 
 
