@@ -25,7 +25,6 @@ from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.saving import save_merged
-from sfkit.notebooks import notebook_path
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 from sfkit.search.records import Generation
 from sfkit.search.routing_records import RoutingCandidate
@@ -177,7 +176,10 @@ def _single_best(pool: Pool, scorer: Evaluator) -> str:
 
 
 def _report(out: Path, seed: int, budget: Budget, progress: Progress) -> Path:
-    from sfkit.reports import report  # Jupyter takes seconds to import: only who wants a report waits
+    from sfkit.reports import (  # Jupyter takes seconds to import: only who wants a report waits
+        notebook_path,
+        report,
+    )
 
     progress("Report", 0, 1, "")
     values = {

@@ -11,6 +11,7 @@ import pandas as pd
 
 from sfkit.errors import InputError
 from sfkit.evaluation.table import write_table
+from sfkit.files import write_text
 
 _SPECIAL = {
     "\\": r"\textbackslash{}",
@@ -56,7 +57,7 @@ def export_table(
     plain = table.reset_index() if table.index.nlevels > 1 else table
     write_table(plain, Path(folder) / f"{name}.csv")
     text = latex_table(table, label=name, caption=caption, digits=digits, lower_is_better=lower_is_better)
-    (Path(folder) / f"{name}.tex").write_text(text, encoding="utf-8")
+    write_text(Path(folder) / f"{name}.tex", text)
     return table
 
 

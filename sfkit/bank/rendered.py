@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import zipfile
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,6 +15,7 @@ from sfkit.datasets.synthetic import domains, synthetic_pair, worlds
 from sfkit.datasets.synthetic.domains import BENCHMARK_PAIRS, HEIGHT, QUICK_PAIRS, VALIDATION, WIDTH
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import writing
 from sfkit.merging.cache import default_folder
 
 METRIC = "bad-3.0"
@@ -124,13 +124,6 @@ def _recall(name: str, path: Path) -> Sample | None:
 
 
 def _keep(sample: Sample, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.npz")
-    np.savez(
-        temporary,
-        left=sample.left,
-        right=sample.right,
-        disparity=sample.disparity,
-        nonoccluded=np.asarray(sample.nonoccluded),
-    )
-    temporary.replace(path)
+    seen = np.asarray(sample.nonoccluded)
+    with writing(path, durable=False) as fresh, fresh.open("wb") as stream:
+        np.savez(stream, left=sample.left, right=sample.right, disparity=sample.disparity, nonoccluded=seen)

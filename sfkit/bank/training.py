@@ -22,6 +22,7 @@ from torch import nn
 from sfkit.architectures import InputConvention, architecture
 from sfkit.bank.plan import BANK, STAGE_WEIGHTS, BankPlan, Plan
 from sfkit.datasets.synthetic import Domain, SyntheticPair, synthetic_pair
+from sfkit.files import writing
 
 Progress = Callable[[str, int, int], None]
 """(what is being done, done so far, of how many)."""
@@ -150,17 +151,13 @@ def _save(
     losses: list[float],
 ) -> None:
     """Write the whole state, or leave the former one as it was."""
-    state_file.parent.mkdir(parents=True, exist_ok=True)
-    fresh = state_file.with_suffix(".new")
-    torch.save(
-        {
-            "network": network.state_dict(),
-            "optimiser": optimiser.state_dict(),
-            "step": step,
-            "seconds": seconds,
-            "cpu_seconds": cpu_seconds,
-            "losses": losses,
-        },
-        fresh,
-    )
-    fresh.replace(state_file)
+    state = {
+        "network": network.state_dict(),
+        "optimiser": optimiser.state_dict(),
+        "step": step,
+        "seconds": seconds,
+        "cpu_seconds": cpu_seconds,
+        "losses": losses,
+    }
+    with writing(state_file) as fresh:
+        torch.save(state, fresh)

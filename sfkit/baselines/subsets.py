@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from itertools import combinations
 
-import numpy as np
-
 from sfkit.baselines.registry import Choice, baseline
 from sfkit.baselines.trials import Trials, best_of
 from sfkit.errors import InputError
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetCandidate, SubsetSearch, SubsetSettings
+from sfkit.streams import Stream, generator
 
 MOST = 4096
 """Subsets that exhaustive search scores at most: those of 12 sources."""
@@ -33,7 +32,7 @@ def random_subsets(trials: Trials, *, budget: int = 800, seed: int = 0) -> Choic
     if budget < 1:
         raise InputError(f"budget: found {budget}, expected at least 1 evaluation")
     _require_two(names)
-    rng, drawn = np.random.default_rng([seed, 3]), dict[tuple[str, ...], None]()
+    rng, drawn = generator(seed, Stream.RANDOM_SUBSETS), dict[tuple[str, ...], None]()
     while len(drawn) < min(budget, 2 ** len(names) - 1 - len(names)):
         inside = rng.random(len(names)) < 0.5
         if inside.sum() >= 2:

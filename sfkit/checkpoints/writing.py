@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from safetensors.torch import save_file
 
 from sfkit.checkpoints.layouts import OWN, Layout
 from sfkit.errors import InputError
+from sfkit.files import unwritable, writing
 
 
 class FileForm(StrEnum):
@@ -51,12 +51,14 @@ def write_checkpoint(
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
         named = layout.name(_separate(tensors))
-        _atomically(path, lambda target: _save_safetensors(named, target, header))
+        with writing(path) as target:
+            _save_safetensors(named, target, header)
     else:
         content = layout.wrap({key: _alone(tensor) for key, tensor in tensors.items()})
         if layout.container:  # a bare state dict holds tensors alone: strict loaders refuse a text entry
             content[OWN] = json.dumps(dict(metadata))
-        _atomically(path, lambda target: _save_torch(content, target))
+        with writing(path) as target:
+            _save_torch(content, target)
     return path
 
 
@@ -109,22 +111,6 @@ def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
     if path.exists() and not overwrite:
         raise InputError(f"{path}: the file exists, give another name or allow overwriting (--force)")
-    parent = next(folder for folder in path.absolute().parents if folder.exists())
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise InputError(f"{path}: {parent} is no folder that can be written to, expected one")
+    if (place := unwritable(path.parent)) is not None:
+        raise InputError(f"{path}: {place} is no folder that can be written to, expected one")
     return path
-
-
-def _atomically(path: Path, write: Callable[[Path], None]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.touch()
-        mode = (
-            temporary.stat().st_mode
-        )  # what the user's umask allows; safetensors writes for the owner alone
-        write(temporary)
-        temporary.chmod(mode)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
+from sfkit.files import unwritable
 
 
 def check_file(argument: str, path: Path, ending: str, *, force: bool) -> None:
@@ -52,8 +52,9 @@ def check_store(path: Path) -> None:
 
 
 def _check_place(argument: str, folder: Path) -> None:
-    place = next(f for f in (folder, *folder.parents) if f.exists())
-    if not place.is_dir():
-        raise InputError(f"{argument}: {place} is a file, expected a folder to write to")
-    if not os.access(place, os.W_OK):
+    place = unwritable(folder)
+    if place is None:
+        return
+    if place.is_dir():
         raise InputError(f"{argument}: {place} cannot be written to, choose another folder")
+    raise InputError(f"{argument}: {place} is a file, expected a folder to write to")

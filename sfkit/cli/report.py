@@ -10,7 +10,6 @@ import typer
 
 from sfkit.cli.options import JsonOption, emit, say
 from sfkit.errors import InputError
-from sfkit.notebooks import notebook_path
 
 
 def report(
@@ -40,7 +39,10 @@ def report(
       sfkit report -p pool pool.toml -p quick true -o report.html
       sfkit report 01_quickstart -p seed 1 -o quickstart.html --figures svg
     """
-    from sfkit.reports import read_parameters  # with all of Jupyter behind it, too slow for other commands
+    from sfkit.reports import (  # with all of Jupyter behind it, too slow for other commands
+        notebook_path,
+        read_parameters,
+    )
     from sfkit.reports import report as run_report
 
     if not notebook.suffix and len(notebook.parts) == 1 and not notebook.exists():

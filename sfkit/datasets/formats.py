@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.images import read_grey, read_image
 from sfkit.datasets.pfm import read_bytes, read_pfm, write_pfm
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import write_bytes
 
 __all__ = [
     "Coding",
@@ -116,7 +117,7 @@ def write_disparity_png16(path: Path, disparity: NDArray[np.floating]) -> None:
     done, data = cv2.imencode(".png", stored)
     if not done:
         raise InputError(f"{path}: an image of {stored.shape} cannot be written as PNG")
-    Path(path).write_bytes(np.asarray(data).tobytes())
+    write_bytes(Path(path), np.asarray(data).tobytes())
 
 
 def _scale(text: str, number: str) -> float:

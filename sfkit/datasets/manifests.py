@@ -9,6 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from sfkit import files
 from sfkit.datasets.formats import Coding
 from sfkit.datasets.measure import Metric, rule
 from sfkit.datasets.pairs import MaskCoding
@@ -104,11 +105,12 @@ def manifest_folder() -> Path:
     Raises:
         InputError: neither is there.
     """
-    package = Path(__file__).resolve().parents[1]
-    for folder in (package / "data_manifests", package.parent / "data_manifests"):
-        if folder.is_dir():
-            return folder
-    raise InputError(f"{package}: found no data_manifests folder in or beside it, install sfkit again")
+    folder = files.shipped("data_manifests", "data_manifests")
+    if folder is None:
+        raise InputError(
+            f"{files.PACKAGE}: found no data_manifests folder in or beside it, install sfkit again"
+        )
+    return folder
 
 
 def manifest_names() -> tuple[str, ...]:

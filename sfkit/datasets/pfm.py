@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.errors import InputError
+from sfkit.files import write_bytes
 
 _HEADER = re.compile(rb"(P[fF])\s+(\d+)\s+(\d+)\s+([-+]?[0-9.]+(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
 _HEADER_LIMIT = 256  # bytes; a header is a few dozen
@@ -60,7 +61,7 @@ def write_pfm(path: Path, disparity: NDArray[np.floating]) -> None:
         raise InputError(f"{path}: found an array of shape {disparity.shape}, expected (H, W) to write a PFM")
     rows = np.where(np.isnan(disparity), np.inf, disparity)[::-1].astype("<f4")
     height, width = rows.shape
-    Path(path).write_bytes(f"Pf\n{width} {height}\n-1\n".encode() + rows.tobytes())
+    write_bytes(Path(path), f"Pf\n{width} {height}\n-1\n".encode() + rows.tobytes())
 
 
 def read_bytes(path: Path) -> bytes:

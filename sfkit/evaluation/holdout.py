@@ -11,17 +11,13 @@ import warnings
 from collections.abc import Sequence
 from numbers import Real
 
-import numpy as np
-
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
 from sfkit.evaluation.outcome import Scorer
+from sfkit.streams import Stream, generator
 
 LEAST = 4
 """Fewer validation pairs are not split: neither part would say anything."""
-
-_STREAM = 3
-"""Separates the split's random numbers from those of the searches under the same seed."""
 
 Held = tuple[frozenset[int], ...]
 """Of one benchmark and each split, the numbers of the images held out."""
@@ -57,7 +53,7 @@ def deal(sizes: Sequence[int], holdout: float, seed: int) -> tuple[Held, ...]:
         For each benchmark and each split (one of a share, k of k folds) the images held out.
     """
     total = sum(sizes)
-    rng = np.random.default_rng([seed, _STREAM])
+    rng = generator(seed, Stream.HOLDOUT)
     order = [(b, int(i)) for b, size in enumerate(sizes) for i in rng.permutation(size)]
     if holdout < 1:
         count = min(max(round(total * holdout), 1), total - 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from sfkit.datasets.formats import write_disparity_png16
 from sfkit.datasets.images import read_image
 from sfkit.datasets.pfm import write_pfm
 from sfkit.errors import InputError, SfkitError, unknown_name
+from sfkit.files import unwritable
 from sfkit.merging.network import LoadedNetwork
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
@@ -119,8 +119,7 @@ class PredictionPlan:
         """
         if form not in FORMS:
             raise unknown_name("form", form, FORMS)
-        place = next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists())
-        if not place.is_dir() or not os.access(place, os.W_OK):
+        if (place := unwritable(out)) is not None:
             raise InputError(f"{out}: {place} is no folder that can be written to, choose another place")
         plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), form, calibration)
         plan._check_targets(overwrite=overwrite)

@@ -13,6 +13,7 @@ from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.measure import Metric
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.store import EvaluationStore
+from sfkit.files import write_text
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -128,6 +129,4 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
 
 def write_table(table: pd.DataFrame, path: Path) -> Path:
     """Write a table as CSV, its index only where that has a name; its folder is made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    table.to_csv(path, index=table.index.name is not None)
-    return path
+    return write_text(path, table.to_csv(index=table.index.name is not None))

@@ -21,6 +21,7 @@ import torch
 
 from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.errors import InputError
+from sfkit.files import write_text, writing
 
 LIMIT = 40 << 30  # bytes; the task vectors used longest ago go first
 RECORDS = 1000  # checkpoints to remember, some 40 kB each; those read longest ago go first
@@ -101,16 +102,10 @@ class VectorCache:
             InputError: the disk has no room for it.
         """
         target = self._vector(key, ".f32")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        ensure_room(target.parent, elements * 4)
-        temporary = target.with_name(f".{target.name}.{os.getpid()}")
-        try:
-            with temporary.open("wb") as stream:
-                stream.truncate(elements * 4)
-            yield map_file(temporary, elements)
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        with writing(target, durable=False) as fresh:
+            ensure_room(target.parent, elements * 4)
+            os.truncate(fresh, elements * 4)
+            yield map_file(fresh, elements)
 
     def describe(self, key: str, record: VectorRecord) -> None:
         """Write a filled buffer's description, which makes it known; then keep to the limit."""
@@ -227,7 +222,4 @@ def _read(path: Path) -> dict[str, Any] | None:
 
 
 def _write(path: Path, values: Mapping[str, Any]) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(values), encoding="utf-8")
-    temporary.replace(path)
+    write_text(path, json.dumps(values), durable=False)

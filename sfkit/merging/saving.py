@@ -12,6 +12,7 @@ from typing import Any
 from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
 from sfkit.checkpoints.writing import FileForm, write_checkpoint
 from sfkit.errors import InputError
+from sfkit.files import write_text
 from sfkit.merging.opening import Checked
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -93,7 +94,7 @@ def save_merged(
     written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
     if form is FileForm.ORIGINAL and layout.container is None:
         sidecar = written.with_name(written.name + ".recipe.json")
-        sidecar.write_text(json.dumps(metadata, indent=2), encoding="utf-8")
+        write_text(sidecar, json.dumps(metadata, indent=2))
     return written
 
 

@@ -1,6 +1,7 @@
 """Reports: a parameterised notebook, run without a screen, becomes one HTML file that needs no network."""
 
+from sfkit.reports.notebooks import notebook_path
 from sfkit.reports.parameters import notebook_parameters, read_parameters
 from sfkit.reports.run import ReportError, report
 
-__all__ = ["ReportError", "notebook_parameters", "read_parameters", "report"]
+__all__ = ["ReportError", "notebook_parameters", "notebook_path", "read_parameters", "report"]

@@ -16,6 +16,7 @@ import papermill
 from papermill.exceptions import PapermillExecutionError
 
 from sfkit.errors import InputError, SfkitError
+from sfkit.files import unwritable, write_text
 from sfkit.reports.kernel import ThisInterpreter, Watcher
 from sfkit.reports.page import Failure, Run, render_page
 from sfkit.reports.parameters import check_parameters, parameter_defaults, read_notebook
@@ -81,7 +82,7 @@ def report(
     failure = _execute(source, executed, values, watcher)
     run = Run(source.name, started, time.monotonic() - clock, values, failure)
     result = nbformat.read(executed, as_version=4)
-    _write_whole(page, render_page(result, run))
+    write_text(page, render_page(result, run))
     if figures is not None:
         write_pictures(result, page.with_name(f"{page.stem}_figures"), figures)
     if failure is not None:
@@ -96,9 +97,8 @@ def _check_target(source: Path, page: Path) -> None:
         raise InputError(f"{page}: found the ending {page.suffix!r}, expected a report that ends in .html")
     if page.is_dir():
         raise InputError(f"{page}: found a folder, expected the name of the HTML file to write")
-    parent = next(folder for folder in page.absolute().parents if folder.exists())
-    if not parent.is_dir() or not os.access(parent, os.W_OK):
-        raise InputError(f"{page}: {parent} is no folder that can be written to, choose another place")
+    if (place := unwritable(page.parent)) is not None:
+        raise InputError(f"{page}: {place} is no folder that can be written to, choose another place")
     executed = page.with_suffix(".ipynb")
     if executed.exists() and (executed.samefile(source) or not _written_by_papermill(executed)):
         raise InputError(
@@ -150,10 +150,3 @@ def _execute(source: Path, executed: Path, values: dict[str, Any], watcher: Watc
 def _one_line(kind: str, message: object) -> str:
     """The error as the rest of a sentence; the page's traceback has the rest of its text."""
     return f"{kind}: {str(message).partition(chr(10))[0]}".rstrip(": .")
-
-
-def _write_whole(page: Path, text: str) -> None:
-    """All of the page or nothing: a reader never meets half a report."""
-    partial = page.with_name(f".{page.name}.partial")
-    partial.write_text(text, encoding="utf-8")
-    partial.replace(page)

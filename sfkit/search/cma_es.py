@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sfkit.search.encoding import Vector
+from sfkit.streams import Stream, generator
 
 with warnings.catch_warnings():
     # pycma warns on import where matplotlib, which it plots with, is not installed.
@@ -23,8 +24,6 @@ with warnings.catch_warnings():
 
 SMALLEST_POPULATION = 3
 """pycma refuses smaller ones."""
-
-_STREAM = 2
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ class CmaEs:
             tolx: stop condition, standard deviations of x.
             island: several searches under one seed have a number each, and draw from streams of their own.
         """
-        self._stream = (seed, _STREAM, island) if island else (seed, _STREAM)
+        self._seed, self._island = seed, (island,) if island else ()
         self._iteration = 0
         self._rng = self._fresh_generator()
         self._asked: list[Vector] = []
@@ -116,7 +115,7 @@ class CmaEs:
         self.stops = tuple(sorted(self._es.stop()))
 
     def _fresh_generator(self) -> np.random.Generator:
-        return np.random.default_rng([*self._stream, self._iteration])
+        return generator(self._seed, Stream.ROUTING_SEARCH, *self._island, self._iteration)
 
     def _read(self) -> Distribution:
         sigma = float(self._es.sigma)

@@ -12,6 +12,7 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.estimate import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
+from sfkit.files import write_text
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.saving import origin_metadata, save_merged
@@ -153,20 +154,20 @@ def search_pool(
     if subset is None:
         stage1 = plan.subset_search(pool, scorer, journal)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
-        stage1.history.to_csv(folder / "stage1.csv", index=False)
+        write_text(folder / "stage1.csv", stage1.history.to_csv(index=False))
         subset = first.subset
     best: SubsetCandidate | RoutingCandidate | None = first
     if plan.stage2 is not None:
         stage2 = plan.routing_search(pool, subset, scorer, journal)
         second = stage2.run(None if progress is None else lambda g: progress("Stage 2", g))
-        stage2.history.to_csv(folder / "stage2.csv", index=False)
+        write_text(folder / "stage2.csv", stage2.history.to_csv(index=False))
         best = second
     if best is None:
         raise InputError("the plan has neither stage, expected something to search")
-    (folder / "recipe.json").write_text(pool.signed(best.recipe).to_json(), encoding="utf-8")
+    write_text(folder / "recipe.json", pool.signed(best.recipe).to_json())
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
     found = Found(best.recipe, best.score, first, second, merged, folder, stage2)
-    (folder / "result.json").write_text(json.dumps(summary(pool, found), indent=2), encoding="utf-8")
+    write_text(folder / "result.json", json.dumps(summary(pool, found), indent=2))
     return found
 
 

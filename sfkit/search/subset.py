@@ -14,7 +14,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
 import pandas as pd
 
 from sfkit.errors import InputError
@@ -29,9 +28,7 @@ from sfkit.search.journal import Journal
 from sfkit.search.operators import Chromosome, SubsetSpace
 from sfkit.search.records import Candidate
 from sfkit.search.scoring import hear
-
-_STREAM = 1
-"""Separates this stage's random numbers from those of Stage 2 under the same seed."""
+from sfkit.streams import Stream, generator
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +142,7 @@ class SubsetSearch(Search[SubsetCandidate]):
     def _advance(self) -> None:
         state, settings = self._state, self.settings
         generation = state.generation + 1
-        rng = np.random.default_rng([int(settings.seed), _STREAM, generation])
+        rng = generator(int(settings.seed), Stream.SUBSET_SEARCH, generation)
         if generation == 0:
             drafts = initial(settings, self.space, self._starts, rng)
         else:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-import sfkit.datasets.manifests as manifests
+from sfkit import files
 from sfkit.datasets.formats import Coding
 from sfkit.datasets.manifests import load_manifest, manifest_folder, manifest_names, read_manifest
 from sfkit.datasets.measure import RULES, Metric, rules_for
@@ -56,8 +56,7 @@ def test_the_public_data_sets() -> None:
 
 
 def test_manifests_of_a_wheel_lie_inside_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = tmp_path / "sfkit" / "datasets" / "manifests.py"
-    monkeypatch.setattr(manifests, "__file__", str(module))
+    monkeypatch.setattr(files, "PACKAGE", tmp_path / "sfkit")
     with pytest.raises(InputError, match="no data_manifests folder in or beside it"):
         manifest_folder()
     (tmp_path / "data_manifests").mkdir()
@@ -126,6 +125,6 @@ def test_resolutions_of_middlebury() -> None:
 def test_names_come_from_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shutil.copytree(manifest_folder(), tmp_path / "data_manifests")
     (tmp_path / "data_manifests" / "mine.toml").write_text(VALID)
-    monkeypatch.setattr(manifests, "__file__", str(tmp_path / "sfkit" / "datasets" / "manifests.py"))
+    monkeypatch.setattr(files, "PACKAGE", tmp_path / "sfkit")
     assert "mine" in manifest_names()
     assert load_manifest("mine").title == "Mine"

@@ -13,6 +13,8 @@ PACKAGE = ROOT / "sfkit"
 # Left to right: a room may import the rooms before it, and no other.
 ROOMS = (
     "errors",
+    "files",
+    "streams",
     "checkpoints",
     "architectures",
     "datasets",
@@ -26,7 +28,6 @@ ROOMS = (
     "inspection",
     "bank",
     "places",
-    "notebooks",
     "reports",
     "demo",
     "__init__",
@@ -34,16 +35,17 @@ ROOMS = (
     "__main__",
 )
 # Rooms that know less than all that stands left of them.
-NARROW = {
-    "checkpoints": {"errors"},
+NARROW: dict[str, set[str]] = {
+    "files": set(),
+    "streams": set(),
+    "checkpoints": {"errors", "files"},
     "architectures": {"errors"},
-    "datasets": {"errors"},
-    "merging": {"errors", "checkpoints", "architectures"},  # it never sees an image
-    "search": {"errors", "merging", "evaluation"},
+    "datasets": {"errors", "files"},
+    "merging": {"errors", "files", "checkpoints", "architectures"},  # it never sees an image
+    "search": {"errors", "files", "streams", "merging", "evaluation"},
     "published": {"errors"},
     "figures": {"errors", "analysis"},  # they draw records, and compute none
-    "notebooks": {"errors"},
-    "reports": {"errors"},
+    "reports": {"errors", "files"},
 }
 FOREIGN = {
     "merging": {"cv2"},

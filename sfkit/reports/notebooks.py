@@ -1,9 +1,10 @@
-"""Where the notebooks lie: in a checkout beside the package, in a wheel inside it."""
+"""The numbered notebooks that ship with sfkit, by name."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+from sfkit import files
 from sfkit.errors import InputError, unknown_name
 
 
@@ -11,13 +12,14 @@ def notebook_folder() -> Path:
     """The folder of the numbered notebooks.
 
     Raises:
-        InputError: neither place has them, so the installation is incomplete.
+        InputError: they are neither beside nor in the package, so the installation is incomplete.
     """
-    package = Path(__file__).parent
-    for folder in (package.parent / "notebooks", package / "notebook_files"):
-        if any(folder.glob("*.ipynb")):
-            return folder
-    raise InputError(f"{package}: found no notebooks beside or inside the package, install sfkit again")
+    folder = files.shipped("notebooks", "notebook_files")
+    if folder is None:
+        raise InputError(
+            f"{files.PACKAGE}: found no notebooks beside or inside the package, install sfkit again"
+        )
+    return folder
 
 
 def notebook_path(name: str) -> Path:

@@ -1,0 +1,79 @@
+"""Files of sfkit's own: written whole or not at all, where they can be written, and where shipped ones lie.
+
+Every file that must not be met half written goes through :func:`writing`. A command's checks of the places
+it will write to rest on :func:`unwritable`.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parent
+
+
+@contextmanager
+def writing(path: Path, *, durable: bool = True) -> Iterator[Path]:
+    """A new, empty file to fill, which takes the name ``path`` once that went well; its folder is made.
+
+    Until then ``path`` is what it was, and whatever ends the block leaves nothing else behind. The file
+    gets the permissions that the user's umask gives, however it is written.
+
+    Args:
+        path: the file to make or to replace.
+        durable: whether its content is on the disk before it takes the name; a cache, which is checked when
+            it is read, can do without.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # Ends unlike any file that a folder is searched for; two threads or processes may write the same one.
+    fresh = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_native_id()}.part")
+    try:
+        fresh.touch()
+        mode = fresh.stat().st_mode
+        yield fresh
+        fresh.chmod(mode)  # safetensors writes for the owner alone
+        if durable:
+            _flush(fresh)
+        fresh.replace(path)
+    finally:
+        fresh.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str, *, durable: bool = True) -> Path:
+    """Write a text as UTF-8, whole or not at all, and return its path."""
+    return write_bytes(path, text.encode(), durable=durable)
+
+
+def write_bytes(path: Path, content: bytes, *, durable: bool = True) -> Path:
+    """Write bytes, whole or not at all, and return their path."""
+    with writing(path, durable=durable) as fresh:
+        fresh.write_bytes(content)
+    return path
+
+
+def unwritable(folder: Path) -> Path | None:
+    """What keeps ``folder`` from being made or written to; None where nothing does.
+
+    That is the nearest thing on the way to it that exists: a file, or a folder without write permission.
+    """
+    place = next(f for f in (folder.absolute(), *folder.absolute().parents) if f.exists())
+    return None if place.is_dir() and os.access(place, os.W_OK) else place
+
+
+def shipped(beside: str, inside: str) -> Path | None:
+    """A folder that ships with sfkit; None where it is missing.
+
+    Args:
+        beside: its name in a checkout, where it lies beside the package.
+        inside: its name in a wheel, which carries it inside the package.
+    """
+    places = (PACKAGE / inside, PACKAGE.parent / beside)
+    return next((place for place in places if place.is_dir()), None)
+
+
+def _flush(path: Path) -> None:
+    with path.open("rb+") as stream:
+        os.fsync(stream.fileno())
