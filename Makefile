@@ -20,7 +20,7 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers soak lint lab screenshots bench evidence clean
+.PHONY: help demo test peers soak lint lab screenshots docs site bench evidence clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
@@ -50,6 +50,14 @@ lab: $(INSTALLED) ## open the notebooks in JupyterLab
 screenshots: $(INSTALLED) ## pictures of the widgets, light and dark, for the README
 	$(BIN)/python docs/screenshots.py
 
+docs: $(patsubst notebooks/%.ipynb,build/notebooks/%.html,$(NOTEBOOKS)) site ## run the notebooks on the bank, and build the documentation in build/site
+
+site: $(INSTALLED) ## build the documentation without running the notebooks; warnings are errors
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+build/notebooks/%.html: notebooks/%.ipynb | $(INSTALLED)
+	$(BIN)/sfkit report $< $(if $(shell grep -l '"quick = ' $<),-p quick true) -p out build/notebooks/runs/$* -o $@
+
 bench: $(PEERS) ## measure merging, searches and engines beside their peers, into benchmarks/README.md
 	env -u OMP_NUM_THREADS .venv-peers/bin/python benchmarks/results.py merging search engines scale
 
@@ -66,7 +74,7 @@ $(INSTALLED): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "sfkit needs Python 3.11 or newer, $(PYTHON) is older: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,browser,ray]'
+	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,docs,browser,ray]'
 	@touch $@
 
 # What .venv holds, and the peers: an environment of their own that borrows the other one's packages.
