@@ -19,6 +19,7 @@ from sfkit.architectures import InputConvention, PadSides, register_architecture
 from sfkit.checkpoints import FileForm, read_checkpoint
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.check import check_data
+from sfkit.datasets.metric import Metric, register_metric
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 from sfkit.evaluation import (
     CombinedScorer,
@@ -67,6 +68,7 @@ __all__ = [
     "LiveModel",
     "LiveSearch",
     "Mean",
+    "Metric",
     "Outcome",
     "PadSides",
     "Pool",
@@ -94,6 +96,7 @@ __all__ = [
     "read_origin",
     "read_recipe",
     "register_architecture",
+    "register_metric",
     "routed",
     "save_merged",
     "score_recipes",

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.analysis.measured import Measured
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 
 RESAMPLES = 2000

@@ -19,7 +19,7 @@ from sfkit.analysis.bootstrap import (
     seed_spread,
 )
 from sfkit.analysis.measured import Measured
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 
 

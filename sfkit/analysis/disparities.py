@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.datasets.measure import Kind, Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.engines import Worker
-from sfkit.evaluation.metrics import thresholds_for
+from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.prediction import predict
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
@@ -61,8 +61,7 @@ class DisparityPanels:
         truth: (H, W) float32 pixels, NaN where there is no ground truth that counts.
         networks: the maps, in the order of the recipes.
         limits: lowest and highest disparity of the shared colour range, in pixels.
-        threshold: the error in pixels where an error map changes colour: that of the first bad-t metric,
-            3 for D1, else 1.
+        threshold: the error in pixels where an error map changes colour, see :func:`map_threshold`.
     """
 
     benchmark: str
@@ -134,14 +133,13 @@ class Comparison:
     def _run(self, pair: str) -> DisparityPanels:
         one = self.benchmark.select([pair])
         inputs = self.pool.architecture.inputs(self.pool.options)
-        prepared = PreparedBenchmark(one, inputs, thresholds_for(*self.metrics))
+        prepared = PreparedBenchmark(one, inputs, Quantities.of(*self.metrics))
         sample = prepared.samples[0]
-        counted = prepared.rule.valid_mask(sample, one.family)
-        truth = np.where(counted, sample.disparity, np.float32(np.nan))
+        truth = prepared.truth(0)
         maps = []
         for name, network in self.networks.items():
             disparity = self._disparity(network, prepared)
-            record = prepared.errors(sample, disparity)
+            record = prepared.errors(0, disparity)
             scores = {metric.name: record.value(metric) for metric in self.metrics}
             maps.append(NetworkMaps(name, disparity, error_map(disparity, truth), scores))
         return DisparityPanels(
@@ -152,7 +150,7 @@ class Comparison:
             truth=truth,
             networks=tuple(maps),
             limits=disparity_limits(truth),
-            threshold=_threshold(self.metrics),
+            threshold=map_threshold(*self.metrics),
         )
 
     def _disparity(self, network: Network, prepared: PreparedBenchmark) -> Map:
@@ -210,8 +208,10 @@ def error_map(prediction: Map, truth: Map) -> Map:
     return np.asarray(np.abs(finite - truth), dtype=np.float32)
 
 
-def _threshold(metrics: Sequence[Metric]) -> float:
-    for metric in metrics:
-        if metric.kind is Kind.BAD:
-            return metric.threshold
-    return 3.0 if any(metric.kind is Kind.D1 for metric in metrics) else DEFAULT_THRESHOLD
+def map_threshold(*metrics: Metric) -> float:
+    """The error in pixels where an error map changes colour: that of the first metric that has one, else 1.
+
+    A threshold that was asked for (bad-T) goes before one that a metric brings along (D1).
+    """
+    found = [m.map_threshold for m in sorted(metrics, key=lambda metric: not metric.thresholds)]
+    return next((threshold for threshold in found if threshold is not None), DEFAULT_THRESHOLD)

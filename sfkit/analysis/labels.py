@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sfkit.datasets.measure import Kind, Metric
+from sfkit.datasets.metric import Metric
 
 
 def metric_label(metric: str | None) -> str:
@@ -13,9 +13,7 @@ def metric_label(metric: str | None) -> str:
     """
     if metric is None:
         return "score"
-    parsed = Metric.parse(metric)
-    name = parsed.name if parsed.kind is Kind.BAD else parsed.name.upper()
-    return f"{name} ({'px' if parsed.unit == 'px' else '% of pixels'})"
+    return Metric.parse(metric).axis
 
 
 def score_text(metric: str | None, score: float) -> str:
@@ -23,5 +21,4 @@ def score_text(metric: str | None, score: float) -> str:
     if metric is None:
         return f"score {score:.4g}"
     parsed = Metric.parse(metric)
-    name = parsed.name if parsed.kind is Kind.BAD else parsed.name.upper()
-    return f"{name} {score:.2f} {parsed.unit}"
+    return f"{parsed.label} {score:.2f} {parsed.unit}"

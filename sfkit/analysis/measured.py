@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.datasets.measure import Kind, Metric
+from sfkit.datasets.metric import Metric
+from sfkit.datasets.protocols import rule
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.metrics import ImageErrors
-from sfkit.evaluation.protocols import protocol
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.evaluation.table import Progress
 from sfkit.merging.pool import Pool
@@ -82,7 +82,7 @@ class Measured:
         errors = self.of(network)
         if not errors:
             return math.nan
-        return protocol(self.protocol).aggregate(errors, metric or self.metric, self.family)
+        return rule(self.protocol, self.family).aggregate(errors, metric or self.metric)
 
     def of(self, network: str) -> tuple[ImageErrors, ...]:
         """A network's errors by image.
@@ -105,8 +105,8 @@ class Measured:
             InputError: as :meth:`score`.
         """
         errors, measure = self.of(network), Metric.parse(metric or self.metric)
-        if protocol(self.protocol).rule(self.family).pooled and measure.kind is not Kind.EPE:
-            counts = [(100.0 * image.count(measure), float(image.pixels)) for image in errors]
+        if rule(self.protocol, self.family).pools(measure):
+            counts = [measure.ratio(image) for image in errors]
         else:
             counts = [(image.value(measure), 1.0) for image in errors]
         numerators, denominators = np.array(counts, dtype=np.float64).reshape(-1, 2).T

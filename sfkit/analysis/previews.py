@@ -11,9 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sfkit.analysis.disparities import DEFAULT_THRESHOLD, Map, disparity_limits, error_map
+from sfkit.analysis.disparities import Map, disparity_limits, error_map, map_threshold
 from sfkit.architectures import PreparedPair
-from sfkit.datasets.measure import Kind
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import unknown_name
 from sfkit.evaluation.evaluator import Evaluator
@@ -71,9 +70,7 @@ class PairPreview:
     @property
     def threshold(self) -> float:
         """The error in pixels where an error map changes colour: that of bad-t, 3 for D1, else 1."""
-        metric = self.evaluator.metric
-        by_kind = {Kind.BAD: metric.threshold, Kind.D1: 3.0}
-        return by_kind.get(metric.kind, DEFAULT_THRESHOLD)
+        return map_threshold(self.evaluator.metric)
 
     @property
     def sample(self) -> Sample:
@@ -91,8 +88,7 @@ class PairPreview:
             raise unknown_name(f"pair of benchmark {benchmark.name!r}", pair, benchmark.ids)
         with self._busy:
             self.pair, self._number = pair, benchmark.ids.index(pair)
-            counted = self.evaluator.prepared.rule.valid_mask(self.sample, benchmark.family)
-            self.truth = np.where(counted, self.sample.disparity, np.float32(np.nan))
+            self.truth = self.evaluator.prepared.truth(self._number)
             self.limits = disparity_limits(self.truth)
             self._reduced.clear()
             self._full_seconds = math.inf
@@ -104,7 +100,7 @@ class PairPreview:
             prediction = self._predict(recipe, self.evaluator.prepared.pair(self._number))
             seconds = time.perf_counter() - started
             self._full_seconds = min(self._full_seconds, seconds)  # others may have used the machine, too
-            errors = self.evaluator.prepared.errors(self.sample, prediction)
+            errors = self.evaluator.prepared.errors(self._number, prediction)
             score = errors.value(self.evaluator.metric)
             return PairLook(prediction, error_map(prediction, self.truth), score, 1, seconds)
 

@@ -16,12 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.engines import Worker
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.metrics import REGIONS, ImageErrors, image_errors
-from sfkit.evaluation.protocols import protocol
 from sfkit.evaluation.store import Evaluation, evaluation_key
 from sfkit.merging.live import LiveModel
 from sfkit.merging.recipe import Recipe
@@ -139,9 +138,9 @@ def _textureless(
         model.apply(recipe)
         prepared, images = evaluator.prepared, []
         for number, sample in enumerate(prepared.samples):
-            counted = prepared.rule.valid_mask(sample, evaluator.benchmark.family)
-            mask = counted & textureless_mask(sample.left)
-            images.append(image_errors(worker.predict(number), sample, mask, thresholds=evaluator.thresholds))
+            mask = prepared.valid[number] & textureless_mask(sample.left)
+            thresholds = evaluator.quantities.thresholds
+            images.append(image_errors(worker.predict(number), sample, mask, thresholds=thresholds))
         seconds = time.perf_counter() - started
         held = evaluator.store.put(Evaluation(key, description, tuple(images), None, seconds))
     return held.images
@@ -152,8 +151,7 @@ def _value(evaluator: Evaluator, images: Sequence[ImageErrors], region: str, met
     counted = [image for image in images if image.region(stored).pixels]
     if not counted:
         return float("nan")
-    rule = protocol(evaluator.benchmark.protocol)
-    return rule.aggregate(counted, metric, evaluator.benchmark.family, region=stored)
+    return evaluator.benchmark.rule.aggregate(counted, metric, region=stored)
 
 
 def _shares(found: Mapping[str, Sequence[Sequence[ImageErrors]]]) -> NDArray[np.float64]:

@@ -123,8 +123,8 @@ def _evaluated(scorer: Evaluator, live: LiveModel, recipe: Recipe) -> Evaluation
     started = time.perf_counter()
     live.apply(recipe)
     prepared = scorer.prepared
-    maps = zip(prepared.samples, _disparities(scorer, live), strict=True)
-    images = tuple(prepared.errors(sample, disparity) for sample, disparity in maps)
+    maps = enumerate(_disparities(scorer, live))
+    images = tuple(prepared.errors(number, disparity) for number, disparity in maps)
     fresh = Evaluation(key, description, images, None, time.perf_counter() - started)
     return scorer.store.put(fresh)
 

@@ -45,7 +45,7 @@ from sfkit.cli.validation import (
     guides_of,
     scoring,
 )
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.engines import check_engine
 from sfkit.evaluation.holdout import LEAST

@@ -11,7 +11,7 @@ from sfkit.datasets.formats import (
     write_pfm,
 )
 from sfkit.datasets.manifests import Manifest, load_manifest, manifest_names
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric, register_metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "read_disparity",
     "read_image",
     "read_pfm",
+    "register_metric",
     "write_disparity_png16",
     "write_pfm",
 ]

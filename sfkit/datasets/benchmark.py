@@ -9,8 +9,8 @@ from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.finding import Found, find_pairs, nothing_found
 from sfkit.datasets.folders import find_in_folders, nothing_recognised
 from sfkit.datasets.manifests import load_manifest
-from sfkit.datasets.measure import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
+from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
 from sfkit.datasets.roots import open_root
 from sfkit.datasets.tables import absent_files, find_in_table
 from sfkit.errors import InputError

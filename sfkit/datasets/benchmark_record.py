@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from sfkit.datasets.measure import Metric, default_metric, protocols_without_mask, rule
+from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
+from sfkit.datasets.protocols import Rule, default_metric, rule
 from sfkit.errors import InputError, unknown_name
 
 
@@ -21,8 +22,8 @@ class Benchmark:
         name: the data set's name, or the caller's for folders and rendered pairs.
         family: which of a protocol's rules applies: ``eth3d``, ``kitti``, ``middlebury`` or ``pairs``.
         pairs: at least one; the order is the order of all per-image results.
-        protocol: see :mod:`sfkit.evaluation.protocols`.
-        metric: ``epe`` (pixels), ``d1`` or ``bad-T`` (percent), in its one spelling.
+        protocol: see :mod:`sfkit.datasets.protocols`.
+        metric: ``epe`` (pixels), ``d1``, ``bad-T`` (percent) or a registered one, in its one spelling.
         resolution: ``F``, ``H`` or ``Q`` for Middlebury, else None.
         own_metric: what the data set itself reports; that of ``metric`` where it has none.
         expected: how many pairs the whole data set has, None where that is not known.
@@ -46,7 +47,7 @@ class Benchmark:
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        allowed = rule(self.protocol, self.family).resolutions
+        allowed = self.rule.resolutions
         if allowed and self.resolution not in allowed:
             raise InputError(
                 f"benchmark {self.name!r}: found resolution {self.resolution}, protocol {self.protocol!r} "
@@ -67,6 +68,11 @@ class Benchmark:
     def ids(self) -> tuple[str, ...]:
         """The pairs' names, in order."""
         return tuple(pair.id for pair in self.pairs)
+
+    @property
+    def rule(self) -> Rule:
+        """What its protocol says about its family: which pixels count, and how images become one number."""
+        return rule(self.protocol, self.family)
 
     @property
     def coverage(self) -> str:
@@ -120,7 +126,8 @@ class Benchmark:
         Raises:
             InputError: ground truth or an occlusion mask that the protocol needs is missing.
         """
-        visible_only = rule(self.protocol, self.family).visible_only
+        if not Metric.parse(self.metric).needs_truth:
+            return
         for pair in self.pairs:
             if isinstance(pair, StereoPair) and pair.disparity is None:
                 raise InputError(
@@ -129,8 +136,10 @@ class Benchmark:
             masked = pair.mask if isinstance(pair, StereoPair) else True
             if isinstance(pair, MemoryPair):
                 masked = pair.sample.nonoccluded is not None
-            if visible_only and not masked:
-                raise InputError(self._mask_missing(pair))
+            if self.rule.visible_only and not masked:
+                raise self.rule.mask_missing(
+                    pair.id, pair.disparity if isinstance(pair, StereoPair) else None
+                )
 
     def fingerprint(self) -> str:
         """SHA-256 (hex) over the content, ids and codings of all pairs, in order; paths do not matter."""
@@ -158,11 +167,3 @@ class Benchmark:
     def __str__(self) -> str:
         size = f", resolution {self.resolution}" if self.resolution else ""
         return f"{self.name}: {self.coverage}{size}, {self.metric} under protocol {self.protocol}"
-
-    def _mask_missing(self, pair: Pair) -> str:
-        beside = f" beside {pair.disparity}" if isinstance(pair, StereoPair) else ""
-        able = ", ".join(protocols_without_mask(self.family))
-        return (
-            f"{pair.id}: protocol {self.protocol!r} counts visible pixels only, found no mask0nocc.png"
-            f"{beside}, expected an occlusion mask; add it, or choose a protocol that does without: {able}"
-        )

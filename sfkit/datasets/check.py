@@ -14,8 +14,8 @@ from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.finding import Found, find_pairs, nothing_found
 from sfkit.datasets.folders import nothing_recognised
 from sfkit.datasets.manifests import load_manifest
-from sfkit.datasets.measure import protocols_without_mask, rules_for
 from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair
+from sfkit.datasets.protocols import protocols_without_mask, rules_for
 from sfkit.datasets.roots import open_root
 from sfkit.errors import InputError
 

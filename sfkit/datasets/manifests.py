@@ -11,9 +11,10 @@ from typing import Any
 
 from sfkit import files
 from sfkit.datasets.formats import Coding
-from sfkit.datasets.measure import Metric, rule
+from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MaskCoding
 from sfkit.datasets.pfm import read_bytes
+from sfkit.datasets.protocols import rule
 from sfkit.errors import InputError, nearest, unknown_name
 
 ID, RESOLUTION = "{id}", "{resolution}"

@@ -12,13 +12,12 @@ from functools import cached_property
 from typing import Any
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.engines import Engine, Result, check_engine, check_pool, make_engine
-from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors, thresholds_for
+from sfkit.evaluation.metrics import ImageErrors, Quantities
 from sfkit.evaluation.outcome import Outcome, Part, Scorer
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.evaluation.protocols import protocol
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
@@ -44,7 +43,7 @@ class Evaluator:
         benchmark: pairs, protocol and default metric.
         store: where evaluations are kept; a store that keeps nothing without one.
         metric: ``"bad-1.0"``, ``"d1"``, ``"epe"``, ...; the benchmark's own by default.
-        also: further metrics that will be asked of the same evaluations, for their thresholds.
+        also: further metrics that will be asked of the same evaluations, for what must be counted.
         device: ``"cpu"`` or ``"cuda:0"``; its type is part of the key, its number is not. ``"cuda"`` is
             every GPU to an engine with several workers.
         retry_failed: whether candidates recorded as failed are tried again.
@@ -90,9 +89,9 @@ class Evaluator:
         self.retry_failed = retry_failed
         self.splits: tuple[frozenset[int], ...] = ()
         self.counts = Counts()
-        self.thresholds = thresholds_for(self.metric, *also)
+        self.quantities = Quantities.of(self.metric, *also)
         inputs = pool.architecture.inputs(pool.options)
-        self.prepared = PreparedBenchmark(benchmark, inputs, self.thresholds)
+        self.prepared = PreparedBenchmark(benchmark, inputs, self.quantities)
         if doubt := self.prepared.doubt():
             warnings.warn(doubt, SfkitWarning, stacklevel=2)
         self._frame: dict[str, Any] = {
@@ -104,9 +103,8 @@ class Evaluator:
             "resolution": benchmark.resolution,
             **self.mode.describe(),
             "device": device.partition(":")[0],
+            **self.quantities.describe(),
         }
-        if self.thresholds != THRESHOLDS:
-            self._frame["thresholds"] = list(self.thresholds)
 
     @cached_property
     def engine(self) -> Engine:
@@ -180,7 +178,16 @@ class Evaluator:
         return {**self._frame, "recipe": self.pool.canonical(recipe)}
 
     def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
-        """One outcome a recipe, in order."""
+        """One outcome a recipe, in order.
+
+        Raises:
+            InputError: more is better by the metric, which a search would minimise.
+        """
+        if not self.metric.lower_is_better:
+            raise InputError(
+                f"metric {self.metric}: more of it is better, and what guides a search is minimised, "
+                "expected a metric of which less is better"
+            )
         return [self.outcome(evaluation) for evaluation in self.evaluate(recipes)]
 
     def evaluate(
@@ -219,9 +226,8 @@ class Evaluator:
         return [known[key] for key in keys]
 
     def score(self, images: Sequence[ImageErrors], metric: str | Metric | None = None) -> float:
-        """A benchmark score from per-image errors under the benchmark's protocol, lower is better."""
-        rule = protocol(self.benchmark.protocol)
-        return rule.aggregate(images, metric or self.metric, self.benchmark.family)
+        """A benchmark score from per-image errors under the benchmark's protocol, in the metric's unit."""
+        return self.benchmark.rule.aggregate(images, metric or self.metric)
 
     def outcome(self, evaluation: Evaluation) -> Outcome:
         """What a search hears of an evaluation."""

@@ -8,11 +8,12 @@ from typing import Any
 
 import pandas as pd
 
+from sfkit.datasets.metric import D1, EPE, bad_pixels
 from sfkit.errors import InputError
-from sfkit.evaluation.metrics import THRESHOLDS
+from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors
 from sfkit.evaluation.store import Evaluation, EvaluationStore
 
-COLUMNS = ("key", "image", "region", "pixels", "epe", "d1", *(f"bad-{t!r}" for t in THRESHOLDS))
+COLUMNS = ("key", "image", "region", "pixels", EPE.name, D1.name, *(bad_pixels(t).name for t in THRESHOLDS))
 
 
 def evaluation_table(store: EvaluationStore) -> pd.DataFrame:
@@ -43,19 +44,16 @@ def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:
             "image": image.id,
             "region": region,
             "pixels": errors.pixels,
-            **({"epe": errors.sum_abs / errors.pixels} if errors.pixels else {}),
-            **({"d1": 100.0 * errors.d1 / errors.pixels} if errors.pixels else {}),
-            **_bad(image.thresholds, errors.above, errors.pixels),
+            **_values(image, region),
         }
         for image in evaluation.images
         for region, errors in image.regions.items()
     ]
 
 
-def _bad(thresholds: tuple[float, ...], above: tuple[int, ...], pixels: int) -> dict[str, float]:
-    if not pixels:
-        return {}
-    return {f"bad-{t!r}": 100.0 * count / pixels for t, count in zip(thresholds, above, strict=True)}
+def _values(image: ImageErrors, region: str) -> dict[str, float]:
+    metrics = (EPE, D1, *map(bad_pixels, image.thresholds)) if image.region(region).pixels else ()
+    return {metric.name: image.value(metric, region) for metric in metrics}
 
 
 def export_evaluations(store: EvaluationStore, path: Path) -> Path:

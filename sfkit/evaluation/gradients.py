@@ -13,15 +13,14 @@ import torch
 import torch.nn.functional as F
 
 from sfkit.architectures import PreparedPair
-from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
-Loss = Callable[[torch.nn.Module, PreparedPair, Sample], torch.Tensor]
-"""A scalar from a network, its input and the labelled pair."""
+Loss = Callable[[torch.nn.Module, PreparedPair, torch.Tensor], torch.Tensor]
+"""A scalar from a network, its input, and the ground truth (H, W) in pixels, NaN where it does not count."""
 
 
 class GradientModel:
@@ -58,15 +57,16 @@ class GradientModel:
         Raises:
             InputError: there is no gradient, or it or the loss is not finite.
         """
-        pair, sample = self.benchmark.pair(number), self.benchmark.samples[number]
+        pair, name = self.benchmark.pair(number), self.benchmark.benchmark.ids[number]
         for parameter in self._parameters.values():
             parameter.grad = None
         device = self._live.device
         placed = PreparedPair(pair.left.to(device), pair.right.to(device), pair.window)
-        value = self.loss(self._live.network, placed, sample)
+        truth = torch.from_numpy(self.benchmark.truth(number)).to(device)
+        value = self.loss(self._live.network, placed, truth)
         if not value.requires_grad:
             raise InputError(
-                f"pair {sample.id!r}: the network's output has no gradient, expected one with respect to its "
+                f"pair {name!r}: the network's output has no gradient, expected one with respect to its "
                 "parameters: its forward pass leaves torch somewhere"
             )
         value.backward()  # type: ignore[no-untyped-call]  # untyped in torch
@@ -78,7 +78,7 @@ class GradientModel:
         found = float(value.detach())
         if not (math.isfinite(found) and bool(torch.isfinite(flat).all())):
             raise InputError(
-                f"pair {sample.id!r}: the loss or its gradient is not finite, expected numbers: this network "
+                f"pair {name!r}: the loss or its gradient is not finite, expected numbers: this network "
                 "cannot be differentiated there"
             )
         return found, flat
@@ -93,7 +93,7 @@ def fisher_information(
     """
     total, pairs = torch.zeros(pool.layout.size), 0
     for benchmark in benchmarks:
-        model = GradientModel(pool, benchmark, disparity_loss(benchmark), device=device)
+        model = GradientModel(pool, benchmark, disparity_loss, device=device)
         model.take(recipe)
         for number in range(len(benchmark)):
             _, gradient = model.gradient(number)
@@ -102,18 +102,12 @@ def fisher_information(
     return total.div_(pairs)
 
 
-def disparity_loss(benchmark: PreparedBenchmark) -> Loss:
-    """Smooth L1 of the disparity over the pixels the benchmark's protocol calls valid."""
-
-    def loss(network: torch.nn.Module, pair: PreparedPair, sample: Sample) -> torch.Tensor:
-        output = network(pair.left, pair.right)
-        found = pair.window.crop(output.reshape(output.shape[-2:]))
-        valid = torch.from_numpy(benchmark.rule.valid_mask(sample, benchmark.benchmark.family))
-        valid = valid.to(found.device)
-        truth = torch.from_numpy(sample.disparity).to(found.device)
-        return F.smooth_l1_loss(found[valid], truth[valid])
-
-    return loss
+def disparity_loss(network: torch.nn.Module, pair: PreparedPair, truth: torch.Tensor) -> torch.Tensor:
+    """Smooth L1 of the disparity over the pixels that count."""
+    output = network(pair.left, pair.right)
+    found = pair.window.crop(output.reshape(output.shape[-2:]))
+    valid = torch.isfinite(truth)
+    return F.smooth_l1_loss(found[valid], truth[valid])
 
 
 def matching_entropy(pool: Pool) -> Loss:
@@ -131,7 +125,7 @@ def matching_entropy(pool: Pool) -> Loss:
             "expected one to take the entropy of: register it with matching=, or leave AdaMerging out"
         )
 
-    def loss(network: torch.nn.Module, pair: PreparedPair, sample: Sample) -> torch.Tensor:
+    def loss(network: torch.nn.Module, pair: PreparedPair, truth: torch.Tensor) -> torch.Tensor:
         stages = [
             torch.special.entr(odds).sum(dim=1).mean() / math.log(odds.shape[1])
             for odds in matching(network, pair.left, pair.right)

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sfkit.datasets.measure import Kind, Metric
+from sfkit.datasets.metric import D1, D1_PIXELS, EPE, Map, Mask, Metric, Ratio, bad_pixels
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
-from sfkit.evaluation.regions import D1_PIXELS, EDGE_PIXELS, Mask, Regions, edge_mask, regions_of
+from sfkit.evaluation.regions import EDGE_PIXELS, Regions, edge_mask, regions_of
 
 __all__ = [
     "EDGE_PIXELS",
@@ -25,6 +25,7 @@ __all__ = [
     "THRESHOLDS",
     "ImageErrors",
     "Metric",
+    "Quantities",
     "RegionErrors",
     "bad",
     "count_errors",
@@ -38,7 +39,33 @@ __all__ = [
 THRESHOLDS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 REGIONS = ("all", "visible", "occluded", "edge")
 
-Map = NDArray[np.floating[Any]]
+
+@dataclass(frozen=True)
+class Quantities:
+    """What is kept of every image of an evaluation.
+
+    Attributes:
+        thresholds: in pixels, ascending; errors are counted above each.
+        own: metrics that count something of their own, by name.
+        needs_truth: False where every metric that was asked for works on pairs without ground truth.
+    """
+
+    thresholds: tuple[float, ...] = THRESHOLDS
+    own: tuple[Metric, ...] = ()
+    needs_truth: bool = True
+
+    @classmethod
+    def of(cls, *metrics: Metric | str) -> Quantities:
+        """The default thresholds, and whatever else these metrics ask for."""
+        parsed = {Metric.parse(metric) for metric in metrics}
+        own = sorted((metric for metric in parsed if metric.recorder), key=lambda metric: metric.name)
+        needs_truth = not parsed or any(metric.needs_truth for metric in parsed)
+        return cls(thresholds_for(*parsed), tuple(own), needs_truth)
+
+    def describe(self) -> dict[str, Any]:
+        """Their part of an evaluation's key: nothing where only the usual errors are kept."""
+        usual = {} if self.thresholds == THRESHOLDS else {"thresholds": list(self.thresholds)}
+        return {**usual, **({"own": {m.name: m.version for m in self.own}} if self.own else {})}
 
 
 @dataclass(frozen=True)
@@ -68,13 +95,16 @@ class ImageErrors:
         nonfinite: how many values of the whole predicted map are NaN or infinite.
         regions: ``all`` = the pixels the protocol counts; ``edge`` = those of them within
             ``EDGE_PIXELS`` of the image's border; ``visible`` and ``occluded``, where the data has a
-            mask, split the pixels with ground truth whether or not the protocol counts occluded ones.
+            mask, split the pixels with ground truth whether or not the protocol counts occluded ones. None
+            at all for a pair without ground truth.
+        own: sum and count of each metric that counts something of its own, by name, of the whole image.
     """
 
     id: str
     thresholds: tuple[float, ...]
     nonfinite: int
     regions: Mapping[str, RegionErrors]
+    own: Mapping[str, Ratio] = field(default_factory=dict)
 
     @property
     def flagged(self) -> bool:
@@ -84,43 +114,53 @@ class ImageErrors:
     @property
     def pixels(self) -> int:
         """How many pixels the protocol counts."""
-        return self.regions["all"].pixels
+        return self.regions["all"].pixels if self.regions else 0
 
-    def count(self, metric: Metric | str, region: str = "all") -> int:
-        """How many pixels of a region are bad by ``metric`` (bad-t or D1).
+    def above(self, threshold: float, region: str = "all") -> int:
+        """How many pixels of a region are off by more than ``threshold`` pixels.
 
         Raises:
-            InputError: the region or the threshold was not recorded, or the metric counts nothing (EPE).
+            InputError: the region or the threshold was not recorded.
         """
-        metric = Metric.parse(metric) if isinstance(metric, str) else metric
         errors = self.region(region)
-        if metric.kind is Kind.D1:
-            return errors.d1
-        if metric.kind is Kind.EPE:
-            raise InputError("metric 'epe' counts no pixels, expected d1 or bad-T")
-        if metric.threshold not in self.thresholds:
+        if threshold not in self.thresholds:
             listed = ", ".join(f"{t:g}" for t in self.thresholds)
+            name = bad_pixels(threshold)
             raise InputError(
-                f"image {self.id!r}: {metric} was not recorded, found the thresholds {listed} px; "
-                f"evaluate again with thresholds=thresholds_for('{metric}')"
+                f"image {self.id!r}: {name} was not recorded, found the thresholds {listed} px; "
+                f"evaluate again with thresholds=thresholds_for('{name}')"
             )
-        return errors.above[self.thresholds.index(metric.threshold)]
+        return errors.above[self.thresholds.index(threshold)]
+
+    def sums(self, metric: str, region: str = "all") -> Ratio:
+        """Sum and count of a metric that counts something of its own.
+
+        Raises:
+            InputError: it was not recorded, or another region than ``all`` is asked for.
+        """
+        if region != "all":
+            raise InputError(
+                f"image {self.id!r}: {metric} is of the whole image, found region {region!r}, expected 'all'"
+            )
+        if metric not in self.own:
+            raise InputError(
+                f"image {self.id!r}: {metric} was not recorded, evaluate again with it among the metrics "
+                f"(Evaluator(..., also=[{metric!r}]))"
+            )
+        return self.own[metric]
 
     def value(self, metric: Metric | str, region: str = "all") -> float:
-        """The metric over one region: pixels for EPE, percent for bad-t and D1.
+        """The metric over one region, in its unit.
 
         Raises:
             InputError: an unknown metric or region, a threshold that was not recorded, or no pixel to count.
         """
-        metric = Metric.parse(metric) if isinstance(metric, str) else metric
-        errors = self.region(region)
-        if errors.pixels == 0:
+        above, below = Metric.parse(metric).ratio(self, region)
+        if below == 0:
             raise InputError(
                 f"image {self.id!r}: found no valid pixel in region {region!r}, expected at least one"
             )
-        if metric.kind is Kind.EPE:
-            return errors.sum_abs / errors.pixels
-        return 100.0 * self.count(metric, region) / errors.pixels
+        return above / below
 
     def region(self, name: str) -> RegionErrors:
         """The sums and counts of one region.
@@ -130,6 +170,10 @@ class ImageErrors:
         """
         if name not in REGIONS:
             raise unknown_name("region", name, REGIONS)
+        if not self.regions:
+            raise InputError(
+                f"image {self.id!r}: has no ground truth, expected a metric that needs none, or other pairs"
+            )
         if name not in self.regions:
             raise InputError(
                 f"image {self.id!r}: region {name!r} was not recorded, it needs an occlusion mask in the data"
@@ -145,12 +189,17 @@ class ImageErrors:
             "regions": {
                 name: {
                     "pixels": r.pixels,
-                    "sum_abs": r.sum_abs if math.isfinite(r.sum_abs) else "inf",
+                    "sum_abs": _plain(r.sum_abs),
                     "above": list(r.above),
                     "d1": r.d1,
                 }
                 for name, r in self.regions.items()
             },
+            **(
+                {"own": {name: list(map(_plain, ratio)) for name, ratio in self.own.items()}}
+                if self.own
+                else {}
+            ),
         }
 
     @classmethod
@@ -170,7 +219,8 @@ class ImageErrors:
             thresholds = tuple(map(float, data["thresholds"]))
             if any(len(r.above) != len(thresholds) for r in regions.values()):
                 raise ValueError("counts that do not match the thresholds")
-            return cls(str(data["id"]), thresholds, int(data["nonfinite"]), regions)
+            own = {str(name): (float(above), float(n)) for name, (above, n) in data.get("own", {}).items()}
+            return cls(str(data["id"]), thresholds, int(data["nonfinite"]), regions, own)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(
                 f"image errors: {error!r} in the record, expected what ImageErrors.to_dict wrote"
@@ -186,12 +236,12 @@ def epe(prediction: Map, truth: Map, valid: Mask | None = None) -> float:
     Raises:
         InputError: shapes differ, or no pixel is valid.
     """
-    return _measure("epe", prediction, truth, valid)
+    return _measure(EPE, prediction, truth, valid)
 
 
 def bad(prediction: Map, truth: Map, threshold: float, valid: Mask | None = None) -> float:
     """Percent of the valid pixels off by more than ``threshold`` pixels; arguments as in :func:`epe`."""
-    return _measure(f"bad-{float(threshold)!r}", prediction, truth, valid)
+    return _measure(Metric.parse(f"bad-{float(threshold)!r}"), prediction, truth, valid)
 
 
 def d1(prediction: Map, truth: Map, valid: Mask | None = None) -> float:
@@ -199,34 +249,31 @@ def d1(prediction: Map, truth: Map, valid: Mask | None = None) -> float:
 
     KITTI 2015's outlier measure (Menze and Geiger, CVPR 2015); arguments as in :func:`epe`.
     """
-    return _measure("d1", prediction, truth, valid)
+    return _measure(D1, prediction, truth, valid)
 
 
 def thresholds_for(*metrics: Metric | str) -> tuple[float, ...]:
     """The default thresholds and those that ``metrics`` ask for, ascending, in pixels."""
-    parsed = (Metric.parse(m) if isinstance(m, str) else m for m in metrics)
-    return tuple(sorted({*THRESHOLDS, *(m.threshold for m in parsed if m.kind is Kind.BAD)}))
+    return tuple(sorted({*THRESHOLDS, *(t for metric in metrics for t in Metric.parse(metric).thresholds)}))
 
 
 def image_errors(
     prediction: Map,
     sample: Sample,
-    protocol_mask: Mask,
+    valid: Mask,
     *,
     thresholds: Iterable[float] = THRESHOLDS,
-    split_mask: Mask | None = None,
 ) -> ImageErrors:
     """Sums and counts of one prediction for every metric at once.
 
-    ``prediction`` is (H, W) disparity in pixels, ``protocol_mask`` (H, W) bool says which pixels count;
-    ``split_mask`` which pixels are split into visible and occluded (those of the protocol unless given).
+    ``prediction`` is (H, W) disparity in pixels, ``valid`` (H, W) bool says which pixels count.
 
     Raises:
         InputError: prediction or mask has another shape than the sample.
     """
     _expect_shape(f"prediction for {sample.id!r}", prediction, sample.size)
-    _expect_shape(f"valid mask for {sample.id!r}", protocol_mask, sample.size)
-    return count_errors(prediction, regions_of(sample, protocol_mask, split_mask), thresholds=thresholds)
+    _expect_shape(f"valid mask for {sample.id!r}", valid, sample.size)
+    return count_errors(prediction, regions_of(sample, valid), thresholds=thresholds)
 
 
 def count_errors(
@@ -265,8 +312,11 @@ def _count(
     return RegionErrors(len(own), float(own.sum()), counts, above[D1_PIXELS] - forgiven)
 
 
-def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> float:
-    metric = Metric.parse(name)
+def _plain(value: float) -> float | str:
+    return value if math.isfinite(value) else "inf"
+
+
+def _measure(metric: Metric, prediction: Map, truth: Map, valid: Mask | None) -> float:
     _expect_shape("prediction", prediction, truth.shape)
     known = np.isfinite(truth) & (truth > 0)
     if valid is not None:
@@ -274,9 +324,8 @@ def _measure(name: str, prediction: Map, truth: Map, valid: Mask | None) -> floa
         known &= valid
     if not known.any():
         raise InputError(f"{metric}: found no valid pixel, expected ground truth that is finite and positive")
-    limits = (metric.threshold,) if metric.kind is Kind.BAD else ()
     regions = Regions.of("array", truth, {"all": known})
-    return count_errors(prediction, regions, thresholds=limits).value(metric)
+    return count_errors(prediction, regions, thresholds=metric.thresholds).value(metric)
 
 
 def _expect_shape(what: str, array: NDArray[Any], shape: tuple[int, ...]) -> None:

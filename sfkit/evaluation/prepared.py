@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -11,11 +12,11 @@ from numpy.typing import NDArray
 from sfkit.architectures import InputConvention, PreparedPair
 from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.metric import Count, Mask, Metric
 from sfkit.datasets.pairs import Pair, Sample, StereoPair
 from sfkit.errors import InputError
-from sfkit.evaluation.metrics import ImageErrors, count_errors
-from sfkit.evaluation.protocols import protocol
-from sfkit.evaluation.regions import Regions
+from sfkit.evaluation.metrics import ImageErrors, Quantities, count_errors
+from sfkit.evaluation.regions import Regions, regions_of
 
 KEEP_BYTES = 2 << 30  # prepared inputs beyond this are made anew for every evaluation
 REGION_BYTES = 88  # a pixel, at most: its ground truth, and where it lies in which region
@@ -29,20 +30,26 @@ class PreparedBenchmark:
     mask) is met here, before the first network runs. Inputs are made when they are first asked for.
 
     Raises:
-        InputError: as loading and :meth:`~sfkit.evaluation.protocols.Protocol.valid_mask` say.
+        InputError: as loading and :meth:`~sfkit.datasets.protocols.Rule.valid_mask` say.
+
+    Attributes:
+        samples: the loaded pairs, in the benchmark's order.
+        valid: of each pair, the mask (H, W) of the pixels that count.
     """
 
-    def __init__(self, benchmark: Benchmark, inputs: InputConvention, thresholds: tuple[float, ...]) -> None:
+    def __init__(self, benchmark: Benchmark, inputs: InputConvention, quantities: Quantities) -> None:
         self.benchmark = benchmark
         self.inputs = inputs
-        self.thresholds = thresholds
-        self.rule = protocol(benchmark.protocol)
-        self.samples: tuple[Sample, ...] = tuple(self._checked(pair) for pair in benchmark.pairs)
+        self.quantities = quantities
+        checked = [self._checked(pair) for pair in benchmark.pairs]
+        self.samples: tuple[Sample, ...] = tuple(sample for sample, _ in checked)
+        self.valid: tuple[Mask, ...] = tuple(mask for _, mask in checked)
         total = sum(8 * 3 * sample.left.shape[0] * sample.left.shape[1] for sample in self.samples)
         self._keep = total <= KEEP_BYTES
         self._kept: dict[int, PreparedPair] = {}
         self._keep_regions = total // 24 * REGION_BYTES <= KEEP_BYTES
         self._regions: dict[int, Regions] = {}
+        self._counts: dict[int, tuple[tuple[Metric, Count], ...]] = {}
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -61,14 +68,40 @@ class PreparedBenchmark:
             self._kept[number] = made
         return made
 
-    def errors(self, sample: Sample, prediction: NDArray[np.float32]) -> ImageErrors:
-        """Sums and counts of one prediction (H, W) in pixels for one of :attr:`samples`."""
-        regions = self._regions.get(id(sample))
-        if regions is None:
-            regions = self.rule.regions(sample, self.benchmark.family)
-            if self._keep_regions and any(sample is own for own in self.samples):
-                self._regions[id(sample)] = regions
-        return count_errors(prediction, regions, thresholds=self.thresholds)
+    def truth(self, number: int) -> NDArray[np.float32]:
+        """(H, W) ground truth of one pair in pixels, NaN where it does not count."""
+        return np.where(self.valid[number], self.samples[number].disparity, np.float32(np.nan))
+
+    def errors(self, number: int, prediction: NDArray[np.float32]) -> ImageErrors:
+        """Sums and counts of one prediction (H, W) in pixels for the pair with that number."""
+        errors = count_errors(prediction, self._sorted(number), thresholds=self.quantities.thresholds)
+        own = {metric.name: count(prediction) for metric, count in self._counting(number)}
+        for name, ratio in own.items():
+            if any(map(math.isnan, ratio)):
+                raise InputError(
+                    f"image {errors.id!r}: metric {name} counted {ratio}, expected numbers: a prediction "
+                    "that is not finite gets the worst value there is"
+                )
+        return replace(errors, own=own)
+
+    def _sorted(self, number: int) -> Regions:
+        """A pair's ground truth by region: the same for every prediction."""
+        if number in self._regions:
+            return self._regions[number]
+        made = regions_of(self.samples[number], self.valid[number], self.benchmark.rule)
+        if self._keep_regions:
+            self._regions[number] = made
+        return made
+
+    def _counting(self, number: int) -> tuple[tuple[Metric, Count], ...]:
+        """What counts the quantities of the metrics that have some of their own, made once a pair as well."""
+        if number in self._counts:
+            return self._counts[number]
+        sample, mask = self.samples[number], self.valid[number]
+        made = tuple((m, m.recorder(sample, mask)) for m in self.quantities.own if m.recorder is not None)
+        if self._keep_regions:
+            self._counts[number] = made
+        return made
 
     def doubt(self) -> str | None:
         """One sentence where pairs look wrong, such as left and right exchanged; None where none does."""
@@ -82,14 +115,15 @@ class PreparedBenchmark:
             "sfkit data check looks at every pixel"
         )
 
-    def _checked(self, pair: Pair) -> Sample:
+    def _checked(self, pair: Pair) -> tuple[Sample, Mask]:
         sample = pair.load()
+        if not (self.quantities.needs_truth or np.isfinite(sample.disparity).any()):
+            return sample, np.zeros(sample.size, dtype=np.bool_)
         try:
-            self.rule.valid_mask(sample, self.benchmark.family)
+            return sample, self.benchmark.rule.valid_mask(sample)
         except InputError as error:
             truth = pair.disparity if isinstance(pair, StereoPair) else None
             raise InputError(f"{truth}: {error}" if truth else str(error)) from error
-        return sample
 
 
 def _doubts(sample: Sample) -> tuple[str, ...]:

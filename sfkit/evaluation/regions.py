@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sfkit.datasets.metric import D1_PIXELS, Mask
 from sfkit.datasets.pairs import Sample
+from sfkit.datasets.protocols import Rule
 
 EDGE_PIXELS = 16
-D1_PIXELS, D1_SHARE = 3.0, 0.05
+D1_SHARE = 0.05
 
-Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
 
 
@@ -64,21 +65,22 @@ class Regions:
         return len(self.truth if positions is None else positions)
 
 
-def regions_of(sample: Sample, protocol_mask: Mask, split_mask: Mask | None = None) -> Regions:
-    """The regions of :class:`~sfkit.evaluation.metrics.ImageErrors`.
+def regions_of(sample: Sample, valid: Mask, rule: Rule | None = None) -> Regions:
+    """The regions of :class:`~sfkit.evaluation.metrics.ImageErrors`; none without ground truth.
 
     Args:
         sample: the pair with its ground truth.
-        protocol_mask: (H, W) bool, which pixels count.
-        split_mask: (H, W) bool, which pixels are split into visible and occluded; those of the protocol
-            unless given.
+        valid: (H, W) bool, which pixels count.
+        rule: pixels in its range are split into visible and occluded, those that count unless given.
     """
-    split = protocol_mask if split_mask is None else split_mask
     known = np.isfinite(sample.disparity) & (sample.disparity > 0)
-    masks = {"all": protocol_mask & known, "edge": protocol_mask & known & edge_mask(sample.size)}
+    if not known.any():
+        return Regions(sample.id, sample.size, np.zeros(0, np.intp), sample.disparity[known], {}, {})
+    masks = {"all": valid & known, "edge": valid & known & edge_mask(sample.size)}
     if sample.nonoccluded is not None:
-        masks["visible"] = split & known & sample.nonoccluded
-        masks["occluded"] = split & known & ~sample.nonoccluded
+        split = valid & known if rule is None else rule.in_range(sample)
+        masks["visible"] = split & sample.nonoccluded
+        masks["occluded"] = split & ~sample.nonoccluded
     return Regions.of(sample.id, sample.disparity, masks)
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.files import write_text

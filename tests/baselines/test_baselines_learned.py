@@ -34,7 +34,7 @@ def evaluator(pool: Pool, tmp_path_factory: pytest.TempPathFactory) -> Evaluator
 def test_the_gradient_is_the_slope_of_the_loss(pool: Pool, evaluator: Evaluator) -> None:
     """Along a task vector, where AdaMerging walks, and on the loss that Fisher information squares."""
     parts = [slice(s.start, s.stop) for s in pool.layout.segments if s.kind is Kind.WEIGHT]
-    for loss in (matching_entropy(pool), disparity_loss(evaluator.prepared)):
+    for loss in (matching_entropy(pool), disparity_loss):
         model = GradientModel(pool, evaluator.prepared, loss)
         model.take(Recipe.weighted({"a": 0.3, "b": 0.3}, pool.blocks))
         here, gradient = model.flat.clone(), model.gradient(1)[1]
@@ -54,7 +54,7 @@ def test_the_gradient_is_the_slope_of_the_loss(pool: Pool, evaluator: Evaluator)
 def test_information_is_the_mean_squared_gradient(pool: Pool, evaluator: Evaluator) -> None:
     recipe = pool.equal("a")
     information = fisher_information(pool, recipe, [evaluator.prepared])
-    model = GradientModel(pool, evaluator.prepared, disparity_loss(evaluator.prepared))
+    model = GradientModel(pool, evaluator.prepared, disparity_loss)
     model.take(recipe)
     gradients = torch.stack([model.gradient(n)[1].double() for n in range(2)])
     assert torch.allclose(information.double(), gradients.square().mean(dim=0), rtol=1e-4, atol=1e-12)

@@ -8,7 +8,8 @@ import pytest
 from sfkit import files
 from sfkit.datasets.formats import Coding
 from sfkit.datasets.manifests import load_manifest, manifest_folder, manifest_names, read_manifest
-from sfkit.datasets.measure import RULES, Metric, rules_for
+from sfkit.datasets.metric import Metric
+from sfkit.datasets.protocols import RULES, rules_for
 from sfkit.errors import InputError
 
 VALID = """

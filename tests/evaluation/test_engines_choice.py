@@ -26,6 +26,7 @@ from sfkit.evaluation.engines import auto, make_engine
 from sfkit.evaluation.engines.inline import InlineEngine
 from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
 from sfkit.evaluation.engines.worker import Result
+from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.store import evaluation_key
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.forward import ForwardMode
@@ -84,7 +85,7 @@ def test_an_architecture_of_a_notebook_cell_needs_a_module_for_workers(tmp_path:
     with pytest.raises(InputError, match=sentence):
         Evaluator(local, noise(), engine="processes")
     with pytest.raises(InputError, match=sentence):
-        WorkerPlan.of(local, noise(), (1.0,), mode=ForwardMode(), threads=1)
+        WorkerPlan.of(local, noise(), Quantities((1.0,)), mode=ForwardMode(), threads=1)
     evaluator = Evaluator(local, noise(), engine="auto", workers=2)
     assert re.search(f"auto picked inline: .*{sentence}", evaluator.engine.describe())
     assert evaluator([local.equal("a")])[0].error is None
@@ -114,7 +115,7 @@ def test_pairs_of_a_class_that_workers_cannot_import_are_refused(pool: Pool) -> 
 
 
 def test_a_module_that_is_not_there_is_named(pool: Pool) -> None:
-    plan = WorkerPlan.of(pool, noise(), (1.0,), mode=ForwardMode(), threads=1)
+    plan = WorkerPlan.of(pool, noise(), Quantities((1.0,)), mode=ForwardMode(), threads=1)
     lost = type(plan)(**{**vars(plan), "module": "no.such.module"})
     with pytest.raises(InputError, match=r"a worker cannot import no\.such\.module, which registers it"):
         lost.register()

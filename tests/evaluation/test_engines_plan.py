@@ -16,6 +16,7 @@ from sfkit.evaluation.engines.inline import InlineEngine
 from sfkit.evaluation.engines.parcel import PoolParcel, TensorBytes, in_memory
 from sfkit.evaluation.engines.plan import Numerics, WorkerPlan
 from sfkit.evaluation.engines.worker import DeviceLostError
+from sfkit.evaluation.metrics import Quantities
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.forward import ForwardMode
 
@@ -67,10 +68,10 @@ def test_a_device_that_answers_no_more_is_no_candidates_fault(
 
 def test_a_plan_travels_and_becomes_a_worker(pool: Pool) -> None:
     mode = ForwardMode("bfloat16", channels_last=True)
-    plan = WorkerPlan.of(pool, noise(), (0.5, 1.25), mode=mode, threads=1)
+    plan = WorkerPlan.of(pool, noise(), Quantities((0.5, 1.25)), mode=mode, threads=1)
     worker = pickle.loads(pickle.dumps(plan)).open("cpu")  # noqa: S301  # as multiprocessing sends it
     assert worker.model.mode == mode
-    assert worker.benchmark.thresholds == (0.5, 1.25)
+    assert worker.benchmark.quantities.thresholds == (0.5, 1.25)
     assert worker.run(pool.uniform()).failure is None
 
 

@@ -19,8 +19,7 @@ from sfkit.architectures import InputConvention
 from sfkit.cli import main
 from sfkit.datasets import images
 from sfkit.datasets.benchmark import open_benchmark
-from sfkit.evaluation import EvaluationStore, Evaluator
-from sfkit.evaluation.protocols import Protocol
+from sfkit.evaluation import EvaluationStore, Evaluator, prepared
 from sfkit.merging import open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.pipeline import Plan, search_pool
@@ -116,7 +115,7 @@ def test_images_are_read_decoded_and_prepared_once_for_a_whole_search(
 
     counted(images, "decode", lambda path: path.relative_to(tmp_path / "pairs"))
     counted(InputConvention, "prepare", lambda *_: "prepared")
-    counted(Protocol, "regions", lambda _, sample, *__: f"regions of {sample.id}")
+    counted(prepared, "regions_of", lambda sample, *__: f"regions of {sample.id}")
     pool = open_pool(tmp_path / "pool" / "pool.toml")
     evaluator = Evaluator(pool, open_benchmark("pairs", tmp_path / "pairs", metric="epe"))
     plan = Plan(stage1=SubsetSettings(population=6, generations=2), stage2=RoutingSettings(evaluations=12))

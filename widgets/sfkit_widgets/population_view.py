@@ -12,7 +12,7 @@ from sfkit.analysis.evolution import Evolution
 from sfkit.analysis.labels import metric_label
 from sfkit.analysis.populations import Individual
 from sfkit.analysis.thinning import drawn_points
-from sfkit.datasets.measure import Metric
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget

@@ -16,6 +16,7 @@ from sfkit.checkpoints.spec import PoolSpec
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.engines.worker import Worker
+from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.live import LiveModel
@@ -66,7 +67,7 @@ class WorkerPlan:
         preparation: what is done to the task vectors then.
         module: the module whose import registers the architecture.
         benchmark: its record; pairs in memory travel with it.
-        thresholds: in pixels, that per-image errors are counted at.
+        quantities: what is counted of every image.
         mode: how forward passes compute.
         numerics: torch's settings in the process that made the plan.
         threads: of torch in the worker.
@@ -77,7 +78,7 @@ class WorkerPlan:
     preparation: tuple[Step, ...]
     module: str
     benchmark: Benchmark
-    thresholds: tuple[float, ...]
+    quantities: Quantities
     mode: ForwardMode
     numerics: Numerics
     threads: int
@@ -88,7 +89,7 @@ class WorkerPlan:
         cls,
         pool: Pool,
         benchmark: Benchmark,
-        thresholds: tuple[float, ...],
+        quantities: Quantities,
         *,
         mode: ForwardMode,
         threads: int,
@@ -96,13 +97,16 @@ class WorkerPlan:
         """The plan for workers that do what a worker of this process would do.
 
         Raises:
-            InputError: a worker could not import the architecture, or a class of the benchmark's pairs.
+            InputError: a worker could not import the architecture, a class of the benchmark's pairs, or a
+                metric.
         """
         module = module_of(pool)
         ensure_importable({type(pair).__module__ for pair in benchmark.pairs}, "a pair's class")
+        for metric in quantities.own:
+            ensure_importable([getattr(metric.recorder, "__module__", None)], f"metric {metric.name!r}")
         found = identity(pool, benchmark)
         return cls(
-            pool.spec, pool.preparation, module, benchmark, thresholds, mode, Numerics.here(), threads, found
+            pool.spec, pool.preparation, module, benchmark, quantities, mode, Numerics.here(), threads, found
         )
 
     def open(self, device: str, pool: Pool | None = None) -> Worker:
@@ -124,7 +128,7 @@ class WorkerPlan:
             opened = pool or prepare(open_pool(self.spec), *self.preparation)
         self._check(identity(opened, self.benchmark))
         inputs = opened.architecture.inputs(opened.options)
-        prepared = PreparedBenchmark(self.benchmark, inputs, self.thresholds)
+        prepared = PreparedBenchmark(self.benchmark, inputs, self.quantities)
         return Worker(LiveModel(opened, device=device, mode=self.mode), prepared)
 
     def register(self) -> None:

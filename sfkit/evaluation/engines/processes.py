@@ -195,8 +195,8 @@ def process_engine(
     """
     devices = seats_on(device, workers)
     share = threads or fair_threads(len(devices))
-    thresholds, mode = benchmark.thresholds, mode or ForwardMode()
-    plan = WorkerPlan.of(pool, benchmark.benchmark, thresholds, mode=mode, threads=share)
+    quantities, mode = benchmark.quantities, mode or ForwardMode()
+    plan = WorkerPlan.of(pool, benchmark.benchmark, quantities, mode=mode, threads=share)
     about = f"{len(devices)} worker{'s' * (len(devices) > 1)} on {', '.join(dict.fromkeys(devices))}"
     threaded = f"{about}, {share} thread{'s' * (share > 1)} each"
 

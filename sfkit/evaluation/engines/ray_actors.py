@@ -209,8 +209,8 @@ def ray_engine(
         InputError: Ray is not installed, or a worker could not import the architecture.
     """
     ensure_ray()
-    thresholds, mode = benchmark.thresholds, mode or ForwardMode()
-    plan = WorkerPlan.of(pool, in_memory(benchmark), thresholds, mode=mode, threads=threads)
+    quantities, mode = benchmark.quantities, mode or ForwardMode()
+    plan = WorkerPlan.of(pool, in_memory(benchmark), quantities, mode=mode, threads=threads)
     kind = device.partition(":")[0]
 
     def hire() -> RayCrew:

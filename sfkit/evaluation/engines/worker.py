@@ -69,7 +69,6 @@ class Worker:
 
     def _errors(self, numbers: range) -> tuple[ImageErrors, ...]:
         """Errors of each pair, counted in a thread of their own while the network runs on the next pair."""
-        samples = self.benchmark.samples
         with ThreadPoolExecutor(1) as counting:
             jobs: list[Future[ImageErrors]] = []
             for number in numbers:
@@ -77,7 +76,7 @@ class Worker:
                     jobs[-AHEAD].result()
                 # A copy: a network may write its next map where this one lies.
                 prediction = self.predict(number).copy()
-                jobs.append(counting.submit(self.benchmark.errors, samples[number], prediction))
+                jobs.append(counting.submit(self.benchmark.errors, number, prediction))
             return tuple(job.result() for job in jobs)
 
     def predict(self, number: int) -> NDArray[np.float32]:
