@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 MODEL = (Path(__file__).parent / "browser_model.js").read_text(encoding="utf-8")
 PAGE = "<!doctype html><html lang='en'><meta charset='utf-8'><title>widget</title><body></body></html>"
+PATIENCE = 60.0  # s; the machine may be busy with other things, and nothing here measures time
 PULSE = 15  # ms between two looks at what the Python side has changed, as a kernel's messages would come
 
 
@@ -27,6 +29,18 @@ def _coded(value: object) -> object:
     if isinstance(value, list | tuple):
         return [_coded(entry) for entry in value]
     return value
+
+
+def assert_becomes(page: Page, read: Callable[[], object], expected: object) -> None:
+    """Assert that what ``read`` returns equals ``expected``, at once or as soon as the page has got there.
+
+    Input events, messages and decoded pictures arrive when they arrive: neither a drawn frame nor the call
+    that caused them tells that they have. Waiting goes through the page, so that its messages are served.
+    """
+    deadline = time.monotonic() + PATIENCE
+    while (found := read()) != expected and time.monotonic() < deadline:
+        page.wait_for_timeout(PULSE)
+    assert found == expected, f"found {found}, expected {expected}"
 
 
 def as_message(state: Mapping[str, object]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 import pytest
 from browser_lab import Notebook, Server, serving
-from browser_stage import Stage
+from browser_stage import PATIENCE, Stage
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -63,7 +63,7 @@ def stage(browser: Browser) -> Iterator[Open]:
             viewport={"width": width, "height": height},
         )
         page = context.new_page()
-        page.set_default_timeout(60_000)
+        page.set_default_timeout(PATIENCE * 1000)
         made.append((context, Watched(page, host="")))
         return Stage(page)
 

@@ -8,7 +8,7 @@ import nbformat
 import pytest
 from browser_lab import Notebook
 from browser_probe import Probe
-from browser_stage import Stage
+from browser_stage import Stage, assert_becomes
 
 pytestmark = pytest.mark.browser
 
@@ -118,8 +118,8 @@ def test_in_jupyterlab(lab: Opened) -> None:
     notebook.run_all()
     root = notebook.page.locator(".sfkit")
     root.get_by_role("button", name="add").click()
+    assert_becomes(notebook.page, root.locator("output").inner_text, "2")
     notebook.settled()
-    assert root.locator("output").inner_text() == "2"
     assert notebook.evaluate("probe.total") == 2
     notebook.theme("JupyterLab Dark")
     notebook.page.wait_for_selector(".sfkit[data-theme='dark'][data-host='jupyter']")
@@ -128,8 +128,8 @@ def test_in_jupyterlab(lab: Opened) -> None:
     notebook.save()
     notebook.reload()
     root.get_by_role("button", name="add").click()
+    assert_becomes(notebook.page, root.locator("output").inner_text, "4")
     notebook.settled()
-    assert root.locator("output").inner_text() == "4"
     saved = nbformat.read(notebook.save(), as_version=4)
     states = saved.metadata["widgets"]["application/vnd.jupyter.widget-state+json"]["state"]
     assert [state["state"]["total"] for state in states.values() if "total" in state["state"]] == [4]
@@ -139,5 +139,4 @@ def test_in_notebook_7(notebook7: Opened) -> None:
     notebook = notebook7("base/probe7.ipynb", CELLS)
     notebook.run_all()
     notebook.page.locator(".sfkit").get_by_role("button", name="add").click()
-    notebook.settled()
-    assert notebook.page.locator(".sfkit output").inner_text() == "2"
+    assert_becomes(notebook.page, notebook.page.locator(".sfkit output").inner_text, "2")

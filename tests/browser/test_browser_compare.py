@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser_compare import HEIGHT, HOLE, WIDTH, panels, widget
-from browser_stage import Stage
+from browser_stage import Stage, assert_becomes
 from numpy.typing import NDArray
 from sfkit_widgets._compare_scene import scene
 from sfkit_widgets.disparity_compare import DisparityCompare
@@ -60,7 +60,7 @@ def shown(stage: Open, tiny: DisparityCompare) -> Callable[..., Stage]:
 
 
 def drawn(opened: Stage) -> None:
-    """Wait until the next frame after this one is drawn; the photograph is decoded."""
+    """Wait until the next frame after this one is drawn: of what the page already knows, and no more."""
     opened.page.wait_for_function(
         "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(true))))"
     )
@@ -71,9 +71,18 @@ def colours(opened: Stage, key: str) -> NDArray[np.uint8]:
     return np.array(found, np.uint8).reshape(HEIGHT, WIDTH, 3)
 
 
-def assert_same(found: NDArray[np.uint8], expected: NDArray[np.uint8]) -> None:
-    """Equal but for a neighbouring entry of the colour table, where quantising crosses between two."""
-    assert np.abs(found.astype(int) - expected.astype(int)).max() <= 5
+def assert_colours(
+    opened: Stage, key: str, expected: NDArray[np.uint8], where: tuple[slice, ...] = (), within: int = 5
+) -> None:
+    """A panel becomes the expected colours, but for a neighbouring entry of the colour table.
+
+    Quantising may cross between two entries, which differ by ``within`` at most.
+    """
+
+    def off() -> int:
+        return int(np.abs(colours(opened, key)[where].astype(int) - expected[where]).max())
+
+    assert_becomes(opened.page, lambda: max(off(), within), within)
 
 
 def drag(opened: Stage, key: str, start: tuple[float, float], end: tuple[float, float]) -> None:
@@ -86,7 +95,6 @@ def drag(opened: Stage, key: str, start: tuple[float, float], end: tuple[float, 
     mouse.down()
     mouse.move(*places[1], steps=4)
     mouse.up()
-    drawn(opened)
 
 
 def values(opened: Stage) -> dict[str, list[str]]:
@@ -95,26 +103,34 @@ def values(opened: Stage) -> dict[str, list[str]]:
     return {row.locator("th").inner_text(): row.locator("td").all_inner_texts() for row in rows}
 
 
-def looks(opened: Stage) -> dict[str, Any]:
-    """What a saved notebook's widget would have told Python, all looks in one."""
+def assert_told(opened: Stage, **expected: object) -> dict[str, Any]:
+    """All looks that the widget tells Python, in one; they come to hold ``expected``."""
     told: dict[str, Any] = {}
-    opened.page.wait_for_function("() => window.model.messages.some((m) => m.command === 'look')")
-    for message in opened.messages():
-        told |= message["arguments"]
+
+    def known() -> dict[str, object]:
+        for message in opened.messages():
+            told.update(message["arguments"])
+        return {name: told.get(name) for name in expected}
+
+    assert_becomes(opened.page, known, expected)
     return told
+
+
+def text_of(opened: Stage, selector: str) -> Callable[[], str]:
+    return lambda: opened.root.locator(selector).inner_text()
 
 
 def test_disparities_have_the_figures_colours(shown: Callable[..., Stage]) -> None:
     opened = shown()
-    assert_same(colours(opened, "truth"), paint(panels().truth, (2.0, 20.0), DISPARITY))
+    assert_colours(opened, "truth", paint(panels().truth, (2.0, 20.0), DISPARITY))
     for number, network in enumerate(panels().networks):
         seen = np.where(np.isfinite(network.disparity), network.disparity, np.nan)
-        assert_same(colours(opened, f"network {number}"), paint(seen, (2.0, 20.0), DISPARITY))
+        assert_colours(opened, f"network {number}", paint(seen, (2.0, 20.0), DISPARITY))
 
 
 def test_no_truth_is_hatched_and_not_zero(shown: Callable[..., Stage]) -> None:
     opened = shown(limits=[0.0, 20.0])
-    np.testing.assert_array_equal(colours(opened, "truth")[:, :HOLE], hatch(HEIGHT, WIDTH)[:, :HOLE])
+    assert_colours(opened, "truth", hatch(HEIGHT, WIDTH), np.s_[:, :HOLE], within=0)
 
 
 def test_errors_have_the_figures_colours(shown: Callable[..., Stage]) -> None:
@@ -122,7 +138,7 @@ def test_errors_have_the_figures_colours(shown: Callable[..., Stage]) -> None:
     for number, network in enumerate(panels().networks):
         position = np.where(np.isnan(network.error), np.nan, error_position(network.error, 1.0))
         expected = paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
-        assert_same(colours(opened, f"network {number}"), expected)
+        assert_colours(opened, f"network {number}", expected)
 
 
 def test_a_frame_without_a_size_leaves_no_panel_empty(shown: Callable[..., Stage]) -> None:
@@ -136,10 +152,8 @@ def test_a_frame_without_a_size_leaves_no_panel_empty(shown: Callable[..., Stage
             requestAnimationFrame(() => (style.display = ""));
         }"""
     )
-    drawn(opened)
-    drawn(opened)
     position = error_position(panels().networks[0].error, 1.0)
-    assert_same(colours(opened, "network 0"), paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR))
+    assert_colours(opened, "network 0", paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR))
 
 
 def test_better_is_blue_and_worse_orange_against_a(shown: Callable[..., Stage]) -> None:
@@ -147,10 +161,8 @@ def test_better_is_blue_and_worse_orange_against_a(shown: Callable[..., Stage]) 
     reference, *others = panels().networks
     for number, network in enumerate(others, start=1):
         found = advantage(reference.error, network.error, 1.0)
-        assert_same(
-            colours(opened, f"network {number}"),
-            paint(found.difference, (-ADVANTAGE_SPAN, ADVANTAGE_SPAN), ERROR),
-        )
+        expected = paint(found.difference, (-ADVANTAGE_SPAN, ADVANTAGE_SPAN), ERROR)
+        assert_colours(opened, f"network {number}", expected)
     captions = opened.root.locator("figure[data-panel='network 1'] figcaption").inner_text()
     assert captions == "lumpy: better where\nagainst shift: 0.0 % fixed, 10.0 % broken"
     assert "shift: error" in opened.root.locator("figure[data-panel='network 0']").inner_text()
@@ -166,10 +178,13 @@ def test_all_panels_zoom_at_the_mouse(shown: Callable[..., Stage]) -> None:
     panel.click(position=place)
     for _ in range(5):
         opened.page.mouse.wheel(0, -120)
+    zoom = 1.25**10
+    centre = {
+        "x": 36.5 - (36.5 / WIDTH - 0.5) * WIDTH / zoom,
+        "y": 10.5 - (10.5 / HEIGHT - 0.5) * HEIGHT / zoom,
+    }
+    assert_told(opened, camera=pytest.approx({**centre, "zoom": zoom}, abs=0.2))
     drawn(opened)
-    camera = looks(opened)["camera"]
-    assert camera["zoom"] == pytest.approx(1.25**10)
-    assert camera["x"] + (36.5 / WIDTH - 0.5) * WIDTH / camera["zoom"] == pytest.approx(36.5, abs=0.1)
     # Every panel now shows the inside of the lump alone; the cursor is in the middle rows.
     even, lump = (colours(opened, f"network {number}")[:5] for number in (0, 1))
     assert len(np.unique(even.reshape(-1, 3), axis=0)) == 1
@@ -180,7 +195,9 @@ def test_all_panels_zoom_at_the_mouse(shown: Callable[..., Stage]) -> None:
 def test_the_wheel_scrolls_the_notebook_until_a_panel_is_clicked(shown: Callable[..., Stage]) -> None:
     opened = shown()
     opened.page.locator("canvas[data-panel='truth']").hover()
+    opened.page.evaluate("addEventListener('wheel', () => (window.turned = true))")
     opened.page.mouse.wheel(0, -120)
+    opened.page.wait_for_function("() => window.turned")
     drawn(opened)
     assert opened.root.locator("output").inner_text() == "100 %"
 
@@ -188,10 +205,14 @@ def test_the_wheel_scrolls_the_notebook_until_a_panel_is_clicked(shown: Callable
 def test_dragging_pans_within_the_image(shown: Callable[..., Stage]) -> None:
     opened = shown(camera={"x": 24, "y": 12, "zoom": 4})
     drag(opened, "truth", (0.5, 0.5), (0.75, 0.5))
-    assert looks(opened)["camera"]["x"] == pytest.approx(24 - WIDTH / 4 / 4, abs=0.1)
+    assert_told(opened, camera=pytest.approx({"x": 24 - WIDTH / 4 / 4, "y": 12, "zoom": 4}, abs=0.1))
     drag(opened, "left", (0.1, 0.5), (0.9, 0.5))
     drag(opened, "left", (0.1, 0.5), (0.9, 0.5))
-    np.testing.assert_array_equal(colours(opened, "truth")[:, 0], colours(opened, "truth")[:, 1])
+    # Beyond the edge; what shows stays inside.
+    assert_told(opened, camera=pytest.approx({"x": 12 - 1.6 * WIDTH / 4 + 9, "y": 12, "zoom": 4}, abs=0.2))
+    drawn(opened)
+    edge = colours(opened, "truth")
+    np.testing.assert_array_equal(edge[:, 0], edge[:, 1])
 
 
 def test_values_under_the_mouse(shown: Callable[..., Stage]) -> None:
@@ -200,9 +221,8 @@ def test_values_under_the_mouse(shown: Callable[..., Stage]) -> None:
     box = panel.bounding_box()
     assert box is not None
     panel.hover(position={"x": box["width"] * 35.5 / WIDTH, "y": box["height"] * 10.5 / HEIGHT})
-    drawn(opened)
     truth = panels().truth[10, 35]
-    assert opened.root.locator("caption").inner_text() == "Values in px at the cursor: x 35, y 10"
+    assert_becomes(opened.page, text_of(opened, "caption"), "Values in px at the cursor: x 35, y 10")
     assert values(opened) == {
         "ground truth": [f"{truth:.2f}", "", ""],
         "shift": [f"{truth + 0.5:.2f}", "0.50", "0.00"],
@@ -228,21 +248,19 @@ def test_everything_by_keyboard(shown: Callable[..., Stage]) -> None:
     opened.page.wait_for_function("() => document.querySelector('[aria-live]').textContent.includes('x 31')")
     said = opened.root.locator("[aria-live]").inner_text()
     assert said.startswith(f"x 31, y 9: ground truth {panels().truth[9, 31]:.2f} px; shift ")
-    told = looks(opened)
-    assert (told["cursor"], told["shown"], told["camera"]["zoom"]) == ([31, 9], "error", 1.5625)
+    assert_becomes(opened.page, text_of(opened, "output"), "156 %")
+    assert assert_told(opened, cursor=[31, 9], shown="error")["camera"]["zoom"] == 1.5625
     press("n")
-    drawn(opened)
-    assert opened.root.locator("caption").inner_text().endswith("x 35, y 10")
+    assert_becomes(opened.page, text_of(opened, "caption"), "Values in px at the cursor: x 35, y 10")
     press("0")
-    drawn(opened)
-    assert opened.root.locator("output").inner_text() == "100 %"
+    assert_becomes(opened.page, text_of(opened, "output"), "100 %")
 
 
 def test_the_view_follows_the_cursor(shown: Callable[..., Stage]) -> None:
     opened = shown(cursor=[24, 12], camera={"x": 24, "y": 12, "zoom": 6})
     opened.root.get_by_role("application").focus()
     opened.page.keyboard.press("Shift+ArrowRight")
-    assert looks(opened)["camera"]["x"] == 34 + 1 - WIDTH / 6 / 2
+    assert_told(opened, cursor=[34, 12], camera={"x": 34 + 1 - WIDTH / 6 / 2, "y": 12, "zoom": 6})
 
 
 def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
@@ -251,12 +269,9 @@ def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
     mean = (95 * 5 + 7) / 96
     assert button.inner_text() == f"96 px beyond 1: mean {mean:.2f}, worst 7.00"
     button.click()
-    drawn(opened)
-    told = looks(opened)
-    assert told["cursor"] == [35, 10]
     # 48 / 12 and 24 / 8 leave room for a zoom of 3 / 2.5; the centre as near (36, 10) as the edges let it.
-    assert told["camera"] == pytest.approx({"x": 28, "y": 10, "zoom": 1.2})
-    assert button.get_attribute("aria-pressed") == "true"
+    assert_told(opened, cursor=[35, 10], camera=pytest.approx({"x": 28, "y": 10, "zoom": 1.2}))
+    assert_becomes(opened.page, lambda: button.get_attribute("aria-pressed"), "true")
     opened.root.get_by_label("Outlier regions (px) of B").select_option("shift")
     opened.root.get_by_text("No region of 8 or more bad pixels.").wait_for()
 
@@ -264,19 +279,17 @@ def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
 def test_a_swipe_shows_a_at_the_left_and_b_at_the_right(shown: Callable[..., Stage]) -> None:
     opened = shown(arrangement="swipe", shown="error", divider=0.75)
     drag(opened, "stage", (0.75, 0.9), (0.8, 0.9))
-    assert looks(opened)["divider"] == pytest.approx(0.8, abs=0.01)
-    both = colours(opened, "stage")
+    assert_told(opened, divider=pytest.approx(0.8, abs=0.01))
     expected = [
         paint(np.where(np.isnan(n.error), np.nan, error_position(n.error, 1.0)), (-3, 3), ERROR)
         for n in panels().networks[:2]
     ]
     cut = round(0.8 * WIDTH)
-    clear = np.s_[:5, : cut - 1], np.s_[:5, cut + 2 :]  # off the cursor and the divider
-    assert_same(both[clear[0]], expected[0][clear[0]])
-    assert_same(both[clear[1]], expected[1][clear[1]])
+    # Off the cursor and the divider.
+    assert_colours(opened, "stage", expected[0], np.s_[:5, : cut - 1])
+    assert_colours(opened, "stage", expected[1], np.s_[:5, cut + 2 :])
     opened.root.get_by_label("divider").fill("0.1")
-    drawn(opened)
-    np.testing.assert_array_equal(colours(opened, "stage")[:5, 10:], expected[1][:5, 10:])
+    assert_colours(opened, "stage", expected[1], np.s_[:5, 10:], within=0)
 
 
 def test_blinking_by_hand(shown: Callable[..., Stage]) -> None:
@@ -285,13 +298,14 @@ def test_blinking_by_hand(shown: Callable[..., Stage]) -> None:
     opened.page.wait_for_function(
         "() => document.querySelector('[data-panel=stage] strong').textContent === 'B lumpy: disparity'"
     )
-    opened.root.get_by_role("button", name="blink by itself").click()
-    drawn(opened)
+    pause = opened.root.get_by_role("button", name="blink by itself")
+    pause.click()
+    assert_becomes(opened.page, lambda: pause.get_attribute("aria-pressed"), "false")
+    other = {"A shift: disparity": "B lumpy: disparity", "B lumpy: disparity": "A shift: disparity"}
     before = title.inner_text()
     opened.root.get_by_role("application").focus()
     opened.page.keyboard.press("Space")
-    drawn(opened)
-    assert {before, title.inner_text()} == {"A shift: disparity", "B lumpy: disparity"}
+    assert_becomes(opened.page, title.inner_text, other[before])
 
 
 def test_who_wants_less_motion_is_not_blinked_at(stage: Open, tiny: DisparityCompare) -> None:
@@ -307,15 +321,14 @@ def test_the_colour_range_is_shared_and_labelled(shown: Callable[..., Stage]) ->
     opened = shown()
     opened.root.get_by_label("highest disparity of the colours, px").fill("11")
     opened.page.keyboard.press("Enter")
-    drawn(opened)
-    assert looks(opened)["limits"] == [2, 11]
-    assert_same(colours(opened, "truth"), paint(panels().truth, (2.0, 11.0), DISPARITY))
+    assert_told(opened, limits=[2, 11])
+    assert_colours(opened, "truth", paint(panels().truth, (2.0, 11.0), DISPARITY))
     bar = opened.root.get_by_role("img", name="disparity (px): ≤ 2, 4.25, 6.5, 8.75, ≥ 11")
-    assert bar.count() == 1
-    opened.root.get_by_label("lowest disparity of the colours, px").fill("30")
+    assert_becomes(opened.page, bar.count, 1)
+    lowest = opened.root.get_by_label("lowest disparity of the colours, px")
+    lowest.fill("30")
     opened.page.keyboard.press("Enter")
-    drawn(opened)
-    assert opened.root.get_by_label("lowest disparity of the colours, px").input_value() == "2"
+    assert_becomes(opened.page, lowest.input_value, "2")
 
 
 def test_another_pair_is_asked_of_python(stage: Open, tmp_path: Path) -> None:
@@ -326,8 +339,8 @@ def test_another_pair_is_asked_of_python(stage: Open, tmp_path: Path) -> None:
     opened.settled()
     assert compare.scene["pair"] == "pair1"
     opened.root.get_by_role("button", name="error", exact=True).click()
+    assert_becomes(opened.page, lambda: compare.shown, "error")
     opened.page.wait_for_selector(KEPT)
-    assert compare.shown == "error"
     compare.shown = "better"
     opened.page.wait_for_selector("button[data-value='better'][aria-pressed='true']")
 
@@ -339,8 +352,7 @@ def test_a_pair_that_fails_leaves_the_last_one(stage: Open, tmp_path: Path) -> N
     opened.root.get_by_role("button", name="next pair").click()
     opened.root.get_by_role("alert").wait_for()
     assert "left.png" in opened.root.get_by_role("alert").inner_text()
-    drawn(opened)
-    assert opened.root.get_by_role("combobox", name="pair").input_value() == "pair0"
+    assert_becomes(opened.page, opened.root.get_by_role("combobox", name="pair").input_value, "pair0")
 
 
 def test_a_saved_state_shows_and_can_be_explored_without_a_kernel(shown: Callable[..., Stage]) -> None:
@@ -348,8 +360,7 @@ def test_a_saved_state_shows_and_can_be_explored_without_a_kernel(shown: Callabl
     assert opened.root.locator("output").inner_text() == "400 %"
     assert values(opened)["lumpy"][1] == "7.00"
     opened.root.get_by_role("button", name="zoom in").click()
-    drawn(opened)
-    assert opened.root.locator("output").inner_text() == "500 %"
+    assert_becomes(opened.page, text_of(opened, "output"), "500 %")
     assert {message["command"] for message in opened.messages()} <= {"look"}
     assert opened.root.locator(".sfkit-waiting").is_hidden()
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import nbformat
 import pytest
 from browser_lab import Notebook
+from browser_stage import assert_becomes
 
 pytestmark = pytest.mark.browser
 
@@ -23,12 +24,14 @@ def test_in_jupyterlab(lab: Callable[..., Notebook]) -> None:
     page = notebook.page
     root = page.locator(".sfkit")
     panels = root.locator("canvas")
-    assert panels.count() == 5
+    assert_becomes(page, panels.count, 5)
     panels.nth(2).click()
     box = panels.nth(2).bounding_box()
     assert box is not None
     page.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
     page.mouse.wheel(0, -120)
+    zoom = root.locator("output").inner_text
+    assert_becomes(page, zoom, "156 %")
     page.wait_for_selector(KEPT)
     camera = notebook.evaluate("compare.camera")
     assert camera["zoom"] == pytest.approx(1.25**2)
@@ -41,6 +44,7 @@ def test_in_jupyterlab(lab: Callable[..., Notebook]) -> None:
     panels.nth(2).click()
     page.keyboard.press("2")
     page.keyboard.press("+")
+    assert_becomes(page, zoom, "125 %")
     page.wait_for_selector(KEPT)
     notebook.theme("JupyterLab Dark")
     page.wait_for_selector(".sfkit[data-theme='dark'][data-host='jupyter']")
@@ -53,7 +57,7 @@ def test_in_jupyterlab(lab: Callable[..., Notebook]) -> None:
     assert len([buffer for buffer in state["buffers"] if "map" in buffer["path"]]) == 3
     notebook.reload()
     page.wait_for_selector(".sfkit[data-pair='pair1']")
-    assert root.get_by_role("button", name="error", exact=True).get_attribute("aria-pressed") == "true"
-    assert root.locator("output").inner_text() == "125 %"
+    page.wait_for_selector("button[data-value='error'][aria-pressed='true']")
+    assert_becomes(page, zoom, "125 %")
     root.get_by_role("button", name="previous pair").click()
     page.wait_for_selector(".sfkit[data-pair='pair0']")

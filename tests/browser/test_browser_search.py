@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from browser_search import SOURCES, routing_search, subset_search
-from browser_stage import Stage
+from browser_stage import Stage, assert_becomes
 from sfkit_widgets import PopulationView, RoutingView, SearchControl
 
 pytestmark = pytest.mark.browser
@@ -63,10 +63,12 @@ def test_the_control_runs_a_search_by_keyboard_alone(stage: Open, made: list[Any
     scorer.open()
     shown.page.wait_for_selector("[data-phase='finished']")
     bar = shown.root.get_by_role("progressbar")
-    assert bar.get_attribute("aria-valuenow") == bar.get_attribute("aria-valuemax") == "36"
+    assert_becomes(shown.page, lambda: bar.get_attribute("aria-valuenow"), "36")
+    assert bar.get_attribute("aria-valuemax") == "36"
     assert f"candidate {search.best.number}, from" in shown.root.locator(".sfkit-control-best").inner_text()
     live = shown.root.locator("[aria-live]")
-    assert live.inner_text() == "Stage 1: which sources? Finished: all 5 generations are done."
+    said = "Stage 1: which sources? Finished: all 5 generations are done."
+    assert_becomes(shown.page, live.inner_text, said)
 
 
 def test_a_watched_search_has_no_buttons(stage: Open, made: list[Any]) -> None:
@@ -146,7 +148,7 @@ def test_descent_is_shown_for_who_is_pointed_at_or_moved_to(stage: Open, populat
     shown.root.locator(f"[data-number='{number}']").first.hover()
     panel = shown.root.get_by_role("region", name="Descent")
     first, second = found["people"][str(number)]["parents"]
-    assert f"Crossover of {first} and {second}" in panel.inner_text()
+    panel.get_by_text(f"Crossover of {first} and {second}").wait_for()
     panel.get_by_role("button", name=str(first), exact=True).click()
     assert shown.root.locator(f"[data-number='{first}'].sfkit-population-chosen").count() >= 1
     rows = shown.root.locator("[role='grid'] [role='row']")
@@ -178,7 +180,7 @@ def test_a_chart_tells_values_under_the_pointer_and_picks(stage: Open, routing: 
     assert box is not None
     drawing.hover(position={"x": 48, "y": box["height"] / 2})
     score = f"{routing.trace['score'][0]:.4g}"
-    assert f"evaluation 0: candidate {score}" in chart.inner_text()
+    chart.get_by_text(f"evaluation 0: candidate {score}").wait_for()
     drawing.click(position={"x": 48, "y": box["height"] / 2})
     wait_for_text(shown, ".sfkit-routing-which", "0 of 39")
     cells = shown.root.locator(".sfkit-routing-weight")
@@ -266,4 +268,5 @@ def test_axe_finds_nothing_serious(
         shown.show_state(widget, **state)
         if widget is population:
             shown.root.locator("[role=grid] [role=row]").nth(2).hover()
+            shown.root.locator("[role=grid] .sfkit-population-chosen").first.wait_for()
         assert shown.findings() == [], type(widget).__name__

@@ -69,7 +69,8 @@ def pages(
         page.on("request", lambda request: requests.append(request.url))
         page.goto(path.as_uri())
         page.wait_for_function(
-            "[...document.querySelectorAll('.plot')].every(p => p.querySelector('.gtitle'))"
+            """[...document.querySelectorAll(".plot")].every((plot) => plot.querySelector(".gtitle")
+                && plot.querySelector(".heatmaplayer image, .scatterlayer path.js-line"))"""
         )
         opened[name] = page
     yield opened
