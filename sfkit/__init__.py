@@ -18,6 +18,7 @@ from sfkit import baselines
 from sfkit.architectures import InputConvention, PadSides, register_architecture
 from sfkit.checkpoints import FileForm, read_checkpoint
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.calibration import Calibration, read_calibration
 from sfkit.datasets.check import check_data
 from sfkit.datasets.metric import Metric, register_metric
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
@@ -32,6 +33,7 @@ from sfkit.evaluation import (
     score_recipes,
     validation_scorer,
 )
+from sfkit.evaluation.stereo_model import Disparity, StereoModel, load
 from sfkit.merging import LiveModel, Pool, Recipe, routed
 from sfkit.merging.network import load_network
 from sfkit.merging.preparation import prepare, prepared_for
@@ -53,8 +55,10 @@ __version__ = version("sfkit")
 
 __all__ = [
     "Benchmark",
+    "Calibration",
     "CombinedScorer",
     "Constraints",
+    "Disparity",
     "Drop",
     "Elect",
     "Estimate",
@@ -77,6 +81,7 @@ __all__ = [
     "RoutingSettings",
     "SfkitError",
     "SfkitWarning",
+    "StereoModel",
     "StoreError",
     "SubsetSearch",
     "SubsetSettings",
@@ -84,6 +89,7 @@ __all__ = [
     "baselines",
     "check_data",
     "estimate",
+    "load",
     "load_network",
     "open_benchmark",
     "open_benchmarks",
@@ -92,6 +98,7 @@ __all__ = [
     "pivot",
     "prepare",
     "prepared_for",
+    "read_calibration",
     "read_checkpoint",
     "read_origin",
     "read_recipe",

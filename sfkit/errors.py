@@ -20,13 +20,13 @@ class StoreError(SfkitError):
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` for the closest allowed name, else the empty string."""
-    match = difflib.get_close_matches(name, list(allowed), n=1, cutoff=0.5)
+    match = difflib.get_close_matches(name, list(map(str, allowed)), n=1, cutoff=0.5)
     return f"; did you mean {match[0]!r}?" if match else ""
 
 
 def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> InputError:
     """The error for a name that is none of ``allowed``, with the nearest one suggested."""
-    options = sorted(allowed)
+    options = sorted(map(str, allowed))
     listed = ", ".join(options) if options else "none is known"
     return InputError(f"unknown {kind} {name!r}, expected one of: {listed}{nearest(name, options)}")
 

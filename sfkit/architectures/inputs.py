@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
 
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -65,6 +65,18 @@ class InputConvention:
     std: tuple[float, float, float] = IMAGENET_STD
     multiple: int = 1
     sides: PadSides = PadSides.BOTTOM_RIGHT
+
+    def __post_init__(self) -> None:
+        """Take a side as text; refuse what no image could be prepared with.
+
+        Raises:
+            InputError: an unknown side, or a multiple below 1.
+        """
+        if self.sides not in tuple(PadSides):
+            raise unknown_name("padding side", str(self.sides), PadSides)
+        if self.multiple < 1:
+            raise InputError(f"multiple is {self.multiple}, expected what height and width are divisible by")
+        object.__setattr__(self, "sides", PadSides(self.sides))
 
     def describe(self) -> dict[str, Any]:
         """Plain values for the evaluation's key."""

@@ -10,6 +10,7 @@ Bring your own with one decorator in a notebook cell::
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -158,15 +159,26 @@ def _defaults(name: str, builder: Callable[..., nn.Module]) -> dict[str, Any]:
     for p in parameters:
         if p.kind in (p.VAR_POSITIONAL, p.VAR_KEYWORD) or p.default is p.empty:
             raise InputError(
-                f"architecture {name!r}: argument {p.name!r} of {builder.__name__} has no default, "
+                f"architecture {name!r}: argument {p.name!r} of {named(builder).__name__} has no default, "
                 "expected a default for every option so that a pool can be opened without it"
             )
     return {p.name: p.default for p in parameters}
 
 
+def named(builder: Callable[..., nn.Module]) -> Callable[..., nn.Module]:
+    """The class or function a builder comes down to: a ``functools.partial`` has neither name nor source."""
+    while isinstance(builder, functools.partial):
+        builder = builder.func
+    return builder
+
+
 def _source_digest(name: str, builder: Callable[..., nn.Module]) -> str:
+    given = ""
+    while isinstance(builder, functools.partial):
+        given += f"{builder.args!r}{sorted(builder.keywords.items())!r}"
+        builder = builder.func
     try:
-        source = _source(builder)
+        source = _source(builder) + given
     except (OSError, TypeError) as error:
         raise InputError(
             f"architecture {name!r}: the source of {builder.__name__} cannot be read ({error}), "

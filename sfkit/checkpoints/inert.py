@@ -28,10 +28,11 @@ class Placeholder:
 
     def __setstate__(self, _: object) -> None: ...
 
-    @property
-    def stands_for(self) -> str:
-        """The full name of the class or function."""
-        return f"{type(self).__module__}.{type(self).__qualname__}"
+
+def foreign(value: object) -> str | None:
+    """The full name of the class or function that stood where a placeholder, or its class, stands."""
+    kind = value if isinstance(value, type) else type(value)
+    return f"{kind.__module__}.{kind.__qualname__}" if issubclass(kind, Placeholder) else None
 
 
 class _Mapping(Placeholder):

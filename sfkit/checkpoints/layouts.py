@@ -16,7 +16,7 @@ from typing import Any, TypeGuard
 
 import torch
 
-from sfkit.checkpoints.inert import Placeholder
+from sfkit.checkpoints.inert import foreign
 from sfkit.errors import InputError, SfkitWarning
 
 # In the order in which they are taken where a file has several: what was trained before its averages.
@@ -167,7 +167,7 @@ def _is_state(value: object) -> TypeGuard[Mapping[str, Any]]:
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         return False
     others = [entry for entry in value.values() if not isinstance(entry, torch.Tensor)]
-    plain = all(entry is None or isinstance(entry, (int, float, str, Placeholder)) for entry in others)
+    plain = all(entry is None or isinstance(entry, int | float | str) or foreign(entry) for entry in others)
     return len(others) < len(value) and plain
 
 
@@ -177,13 +177,13 @@ def _is_plain(key: object, value: object) -> bool:
 
 
 def _named(key: object, value: object) -> str:
-    return f"{key} ({describe(value)})" if isinstance(value, Placeholder) else str(key)
+    return f"{key} ({describe(value)})" if foreign(value) else str(key)
 
 
 def describe(value: object) -> str:
     """An entry of a file as a sentence names it."""
-    if isinstance(value, Placeholder):
-        return f"an object of {value.stands_for}, whose code sfkit does not run"
+    if name := foreign(value):
+        return f"an object of {name}, whose code sfkit does not run"
     if isinstance(value, Mapping):
         return f"a dictionary of {len(value)}" if value else "an empty dictionary"
     return f"a {type(value).__name__}"

@@ -11,7 +11,7 @@ import torch
 from safetensors.torch import save_file
 
 from sfkit.checkpoints.layouts import OWN, Layout
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 from sfkit.files import unwritable, writing
 
 
@@ -28,7 +28,7 @@ def write_checkpoint(
     *,
     layout: Layout,
     metadata: Mapping[str, str],
-    form: FileForm = FileForm.SAFETENSORS,
+    form: FileForm | str = FileForm.SAFETENSORS,
     overwrite: bool = False,
 ) -> Path:
     """Write tensors under the original checkpoint's key names, with metadata, in one atomic step.
@@ -46,7 +46,7 @@ def write_checkpoint(
         InputError: the file exists and ``overwrite`` is False, its ending does not suit its form, or
             its folder cannot be made.
     """
-    path = check_target(path, form, overwrite=overwrite)
+    path, form = check_target(path, form, overwrite=overwrite), form_of(form)
     tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in state.items()}
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
@@ -97,16 +97,31 @@ def _alone(tensor: torch.Tensor) -> torch.Tensor:
     return tensor if tensor.untyped_storage().nbytes() == tensor.nbytes else tensor.clone()
 
 
-def check_target(path: str | Path, form: FileForm, *, overwrite: bool) -> Path:
+def form_of(form: FileForm | str) -> FileForm:
+    """A form by its name.
+
+    Raises:
+        InputError: there is no such form.
+    """
+    if form not in tuple(FileForm):
+        raise unknown_name("form", str(form), FileForm)
+    return FileForm(form)
+
+
+def check_target(path: str | Path, form: FileForm | str, *, overwrite: bool) -> Path:
     """Refuse an output path before any work is done for it.
 
     Raises:
         InputError: as :func:`write_checkpoint` says.
     """
-    path = Path(path)
+    path, form = Path(path), form_of(form)
     endings = (".safetensors",) if form is FileForm.SAFETENSORS else (".pth", ".pt", ".ckpt", ".tar")
     if path.suffix not in endings:
-        raise InputError(f"{path}: a file of form {form.value!r} ends in {' or '.join(endings)}")
+        other = next((f.value for f in FileForm if f is not form), "")
+        raise InputError(
+            f"{path}: a file of form {form.value!r} ends in {' or '.join(endings)}: name it so, or ask for "
+            f"form={other!r}"
+        )
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
     if path.exists() and not overwrite:

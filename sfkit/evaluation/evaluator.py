@@ -203,6 +203,8 @@ class Evaluator:
         Raises:
             InputError: a recipe does not suit the pool.
         """
+        if isinstance(recipes, Recipe):
+            raise InputError("evaluate: found one recipe, expected a list of them: evaluate([recipe])")
         descriptions = [self.describe(recipe) for recipe in recipes]
         keys = [evaluation_key(description) for description in descriptions]
         known: dict[str, Evaluation] = {}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
-from sfkit.checkpoints.writing import FileForm, write_checkpoint
+from sfkit.checkpoints.writing import FileForm, form_of, write_checkpoint
 from sfkit.errors import InputError
 from sfkit.files import write_text
 from sfkit.merging.opening import Checked
@@ -77,7 +77,7 @@ def save_merged(
     recipe: Recipe,
     path: str | Path,
     *,
-    form: FileForm = FileForm.SAFETENSORS,
+    form: FileForm | str = FileForm.SAFETENSORS,
     overwrite: bool = False,
 ) -> Path:
     """Write the network a recipe describes, in the key names of the base's file.
@@ -92,7 +92,7 @@ def save_merged(
     metadata = origin_metadata(pool, recipe)
     state, layout = pool.state_dict(recipe), pool.base.layout
     written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
-    if form is FileForm.ORIGINAL and layout.container is None:
+    if form_of(form) is FileForm.ORIGINAL and layout.container is None:
         sidecar = written.with_name(written.name + ".recipe.json")
         write_text(sidecar, json.dumps(metadata, indent=2))
     return written

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tiny
 import torch
 from safetensors.torch import save_file
 
@@ -25,7 +26,6 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import open_pool
 from sfkit.merging.opening import PoolOpener
 from sfkit.merging.skeleton import skeleton
-from tests import tiny
 
 STATE = tiny.base_state()
 OTHER = tiny.fine_tune(STATE, 1)

@@ -56,7 +56,7 @@ POOLS = (
     _pool("truncated", "truncated/a.safetensors", "whole file"),
     _pool("truncated-torch", "truncated-torch/a.pth", "whole torch file"),
     _pool("empty", "empty/a.safetensors", "cannot be read"),
-    _pool("pickled", "pickled/a.pth", "pickled code", "sqlite3.Row"),
+    _pool("pickled", "pickled/a.pth", "code sfkit does not run", "sqlite3.Row"),
     _pool("no-state", "no-state/a.pth", "epoch, loss", "state dict"),
     _pool("wrong-key", "wrong-key/a.safetensors", "feature_extraction.block0.0.0.weight", "missing"),
     _pool("extra-key", "extra-key/a.safetensors", "decoder.weight", "does not have"),

@@ -92,7 +92,7 @@ def _bad_pools(world: Path) -> None:
     cut = _pool(world / "truncated") / "a.safetensors"
     cut.write_bytes(cut.read_bytes()[:5000])
     (_pool(world / "empty") / "a.safetensors").write_bytes(b"")
-    _torch_file(world / "pickled", {"state_dict": sound, "when": sqlite3.Row})
+    _torch_file(world / "pickled", {"state_dict": sqlite3.Row})
     _torch_file(world / "no-state", {"epoch": 3, "loss": 0.5})
     cut = _torch_file(world / "truncated-torch", sound)
     cut.write_bytes(cut.read_bytes()[:-2000])

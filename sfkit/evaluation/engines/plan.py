@@ -12,6 +12,7 @@ from typing import Any
 
 import torch
 
+from sfkit.architectures.registry import named
 from sfkit.checkpoints.spec import PoolSpec
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.errors import InputError, SfkitWarning
@@ -172,7 +173,7 @@ def module_of(pool: Pool) -> str:
     Raises:
         InputError: it was registered where no other process can import it from.
     """
-    module = getattr(pool.architecture.build, "__module__", None)
+    module = getattr(named(pool.architecture.build), "__module__", None)
     ensure_importable([module], f"architecture {pool.architecture.name!r}")
     return str(module)
 
