@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from search import Landscape
+from landscapes import Landscape
 
 POPULATION = 50
 GENERATIONS = 15

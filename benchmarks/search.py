@@ -18,38 +18,20 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
+from landscapes import Landscape
 
-from sfkit.bank.exhaustive import SubsetScores, subset_scores
+from sfkit.bank.exhaustive import subset_scores
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
 from sfkit.search import SubsetSearch, SubsetSettings
 from sfkit.search.breeding import Draft, bred, initial, survivors
-from sfkit.search.operators import Chromosome, SubsetSpace, mutate, random_chromosome
+from sfkit.search.operators import Chromosome, mutate, random_chromosome
 
 SEEDS = 200
 POPULATIONS = (10, 20, 30, 40, 50, 60)
 MARKS = (50, 100, 200, 300)
 TRIES = 20
 TRUNCATION = SubsetSettings(population=20, generations=39, survival="truncation")
-
-
-class Landscape:
-    """A table of scores by bit mask, and the best of all subsets of two or more."""
-
-    def __init__(self, table: SubsetScores, *, quick: bool = False) -> None:
-        self.names = table.names
-        self.scores = table.quick if quick else table.scores
-        self.space = SubsetSpace.free(len(table.names))
-        self.best = min(score for mask, score in self.scores.items() if mask.bit_count() >= 2)
-
-    def regrets(self, masks: Iterable[int]) -> list[float]:
-        """The regret after each distinct evaluation; a subset of one source costs, and wins nothing."""
-        found, best = [], float("inf")
-        for mask in dict.fromkeys(masks):
-            if mask.bit_count() >= 2:
-                best = min(best, self.scores[mask])
-            found.append(best - self.best)
-        return found
 
 
 def mask_of(genes: Iterable[int]) -> int:

@@ -26,9 +26,8 @@ from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.saving import save_merged
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
-from sfkit.search.records import Generation
+from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing_records import RoutingCandidate
-from sfkit.search.subset import SubsetCandidate
 
 NOTEBOOK = "01_quickstart"
 

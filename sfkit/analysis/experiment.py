@@ -23,10 +23,10 @@ from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.constraints import Constraints
-from sfkit.search.records import Counts
+from sfkit.search.records import Counts, SubsetCandidate
 from sfkit.search.routing import RoutingCandidate, RoutingSearch
 from sfkit.search.routing_settings import RoutingSettings
-from sfkit.search.subset import SubsetCandidate, SubsetSearch
+from sfkit.search.subset import SubsetSearch
 
 
 @dataclass(frozen=True)

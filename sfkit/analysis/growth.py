@@ -13,7 +13,7 @@ from sfkit.analysis.ablations import scored
 from sfkit.analysis.experiment import Experiment
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.outcome import Scorer
-from sfkit.merging.pool import open_pool
+from sfkit.merging.opening import open_pool
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.subset import SubsetSearch
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import torch
 from torch import nn
@@ -11,9 +11,33 @@ from torch import nn
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.residency import DeviceMerger
+from sfkit.merging.vectors import TaskVectors
 
-if TYPE_CHECKING:
-    from sfkit.merging.pool import Pool
+
+class Mergeable(Protocol):
+    """What recipes are merged from, which a :class:`~sfkit.merging.pool.Pool` is."""
+
+    @property
+    def task_vectors(self) -> TaskVectors:
+        """Base and sources as flat buffers."""
+        ...
+
+    @property
+    def base_tensors(self) -> Mapping[str, torch.Tensor]:
+        """The base's tensors by key."""
+        ...
+
+    def build(self) -> nn.Module:
+        """A network, its values not those of any member."""
+        ...
+
+    def base_recipe(self) -> Recipe:
+        """The base itself."""
+        ...
+
+    def ordered(self, recipe: Recipe) -> Recipe:
+        """The recipe, checked, with its sources in the order task vectors are added in."""
+        ...
 
 
 class LiveModel:
@@ -29,20 +53,21 @@ class LiveModel:
 
     def __init__(
         self,
-        pool: Pool,
+        pool: Mergeable,
         recipe: Recipe | None = None,
         *,
         device: str | torch.device = "cpu",
         mode: ForwardMode | None = None,
     ) -> None:
-        self.pool = pool
+        self._vectors, self._ordered = pool.task_vectors, pool.ordered
         self.device = torch.device(device)
         self.mode = mode or ForwardMode()
         self.network = pool.build().to(self.device).eval().requires_grad_(requires_grad=False)
-        self.flat = torch.empty(pool.layout.size, dtype=torch.float32, device=self.device)
+        self.flat = torch.empty(self._vectors.layout.size, dtype=torch.float32, device=self.device)
         _load(self.network, pool.base_tensors)
-        _bind(self.network, pool.layout.views(self.flat))
-        self._merger = None if self.device.type == "cpu" else DeviceMerger(pool, self.device)
+        _bind(self.network, self._vectors.layout.views(self.flat))
+        on_cpu = self.device.type == "cpu"
+        self._merger = self._vectors if on_cpu else DeviceMerger(self._vectors, self.device)
         self.recipe = recipe if recipe is not None else pool.base_recipe()
         self.apply(self.recipe)
 
@@ -52,7 +77,7 @@ class LiveModel:
         Raises:
             InputError: the recipe names sources or blocks the pool does not have.
         """
-        (self._merger or self.pool).merge_into(recipe, self.flat)
+        self._merger.merge_into(self._ordered(recipe), self.flat)
         self.recipe = recipe
 
     @torch.inference_mode()

@@ -13,7 +13,7 @@ from torch import nn
 from sfkit.architectures import Architecture, InputConvention, architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
-from sfkit.merging.opening import PoolOpener
+from sfkit.merging.members import PoolOpener
 from sfkit.merging.saving import read_origin
 from sfkit.merging.skeleton import skeleton
 

@@ -1,282 +1,90 @@
-"""Opening a pool: every file is read once, checked, fingerprinted and turned into its task vector."""
+"""Opening a pool: from a ``pool.toml`` to members that are checked and task vectors ready to merge."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import torch
-
-from sfkit.architectures import Architecture
-from sfkit.checkpoints.checks import (
-    Kind,
-    Kinship,
-    KinshipSums,
-    TensorSpec,
-    check_keys,
-    check_values,
-)
-from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
-from sfkit.checkpoints.layouts import Layout, Wrapping
-from sfkit.checkpoints.prefixes import network_prefix
-from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
-from sfkit.checkpoints.spec import Member
-from sfkit.errors import InputError, SfkitError
-from sfkit.merging.arena import MAPPED_ABOVE, allocate
+from sfkit.architectures import architecture
+from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.blocks import BlockPartition
-from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord, vector_key
+from sfkit.merging.cache import VectorCache
 from sfkit.merging.flat import FlatLayout
+from sfkit.merging.members import Checked, PoolOpener, assemble
+from sfkit.merging.partitions import auto_partition, parse_partition
+from sfkit.merging.pool import Pool
+from sfkit.merging.skeleton import skeleton
 
-ITSELF = Kinship(1.0, 0.0)  # the base's kinship to the base
 
+def open_pool(
+    path: str | Path | PoolSpec,
+    *,
+    cache: VectorCache | None = None,
+    blocks: BlockPartition | Mapping[str, Sequence[str]] | str | None = None,
+) -> Pool:
+    """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
 
-@dataclass(frozen=True)
-class Checked:
-    """A member of a pool after its content has been read.
+    ``blocks`` takes the place of the partition that it or the architecture gives: block name -> globs over
+    keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see
+    :func:`~sfkit.merging.partitions.auto_partition`).
 
-    Attributes:
-        name: the source's name, or ``base``.
-        path: its file.
-        fingerprint: identity of its content.
-        licence: as ``pool.toml`` gives it.
-        note: as ``pool.toml`` gives it.
-        layout: how the file wraps its tensors.
-        absent: keys of optional tensors it lacks.
-        kinship: how near it lies to the base.
-        thawed: keys it changed although the architecture calls them frozen.
+    Task vectors of big networks are kept in ``cache`` (the user's, unless given), so that a second
+    opening reads no checkpoint that has not changed.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where a source does not look like a fine-tune of the base
+    or lacks an optional part.
+
+    Raises:
+        InputError: anything in the description or the files is not as it must be; see
+            :mod:`sfkit.checkpoints`.
     """
-
-    name: str
-    path: Path
-    fingerprint: str
-    licence: str
-    note: str
-    layout: Layout
-    absent: tuple[str, ...] = ()
-    kinship: Kinship = ITSELF
-    thawed: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Staged:
-    """A source's task vector over the tensors it changed, packed in canonical order."""
-
-    member: Checked
-    changed: tuple[TensorSpec, ...]
-    values: torch.Tensor  # (number of changed elements or more,) float32
-
-    def tensors(self) -> Iterator[tuple[str, torch.Tensor]]:
-        """The changed tensors' task vectors by key."""
-        offset = 0
-        for spec in self.changed:
-            yield spec.key, self.values[offset : offset + spec.size]
-            offset += spec.size
-
-
-class PoolOpener:
-    """Reads one base and its sources against what the architecture's network has."""
-
-    def __init__(
-        self,
-        architecture: Architecture,
-        options: Mapping[str, object],
-        specs: Sequence[TensorSpec],
-        cache: VectorCache | None = None,
-    ) -> None:
-        self.architecture = architecture
-        self.options = options
-        self.specs = tuple(specs)
-        # A network this small is read faster than its cache entries.
-        small = sum(spec.size for spec in self.specs) * 4 <= MAPPED_ABOVE
-        self.cache = None if small else cache
-
-    def headers(self, members: Sequence[Member]) -> list[CheckpointFile | None]:
-        """Check every file's keys and shapes before any content is read.
-
-        Returns:
-            The opened files; None for one that cannot be mapped and will be read again in its turn, so
-            that no two such files are in memory at once.
-        """
-        opened: list[CheckpointFile | None] = []
-        for number, member in enumerate(members):
-            file = self.read(member.path, is_base=number == 0, wrapping=member.wrapping)
-            opened.append(file if file.mapped else None)
-        return opened
-
-    def read(self, path: Path, *, is_base: bool, wrapping: Wrapping | None = None) -> CheckpointFile:
-        """One file with keys as the network names them, its keys and shapes checked."""
-        file = self._bare(read_checkpoint(path, wrapping), wrapping)
-        if self.architecture.rename is not None:
-            names = self.architecture.rename(file.tensors)
-            tensors = {names.get(key, key): tensor for key, tensor in file.tensors.items()}
-            renamed = {new: old for old, new in names.items() if new != old}
-            file = replace(file, tensors=tensors, layout=replace(file.layout, renamed=renamed))
-        if self.architecture.check is not None:
-            shapes = {key: tuple(tensor.shape) for key, tensor in file.tensors.items()}
-            try:
-                self.architecture.check(shapes, self.options)
-            except InputError as error:
-                raise InputError(f"{path}: {error}") from error
-        check_keys(path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base)
-        return replace(file, tensors=self._unaliased(file.tensors))
-
-    def _bare(self, file: CheckpointFile, wrapping: Wrapping | None) -> CheckpointFile:
-        """The file without what stands before the network's keys, and without keys of anything else."""
-        prefix = network_prefix(
-            file.path,
-            file.tensors,
-            [s.key for s in self.specs if not (s.tolerant or s.optional or s.aliases)],
-            self.architecture.rename,
-            wrapping.prefix if wrapping else None,
+    spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
+    wanted = spec.partition if blocks is None else blocks
+    automatic = parse_partition(wanted) if isinstance(wanted, str) else None
+    entry = architecture(spec.architecture)
+    options = entry.resolve(spec.options, near=spec.base.path)
+    specs = skeleton(entry, options)
+    partition = BlockPartition.of(spec.blocks or entry.blocks(options))
+    partition.check(spec.key for spec in specs)
+    opener = PoolOpener(entry, options, specs, cache or VectorCache())
+    base_file, *files = opener.headers((spec.base, *spec.sources))
+    base_file = base_file or opener.read(spec.base.path, is_base=True, wrapping=spec.base.wrapping)
+    base, record = opener.base(spec.base, base_file)
+    order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
+    staged = [
+        opener.source(
+            member,
+            file or opener.read(member.path, is_base=False, wrapping=member.wrapping),
+            base_file,
+            record,
+            order,
         )
-        if not prefix:
-            return file
-        tensors = {k.removeprefix(prefix): t for k, t in file.tensors.items() if k.startswith(prefix)}
-        return replace(file, tensors=tensors, layout=replace(file.layout, prefix=file.layout.prefix + prefix))
-
-    def _unaliased(self, tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-        """The tensors with every aliased one under all its keys, under whichever it was found."""
-        named = dict(tensors)
-        for spec in self.specs:
-            keys = (spec.key, *spec.aliases)
-            found = next((key for key in keys if key in tensors), None)
-            if found is not None and spec.aliases:
-                named |= {key: tensors.get(key, tensors[found]) for key in keys}
-        return named
-
-    def _left_out(self, keys: Mapping[str, torch.Tensor]) -> list[str]:
-        """Optional parts the file has and the network, by its options, does not."""
-        return [key for key in keys if self.architecture.is_optional(key)]
-
-    def base(self, member: Member, file: CheckpointFile) -> tuple[Checked, FileRecord]:
-        """The base, checked whole, and what identifies each of its tensors."""
-        record = self.contents(file)
-        return _checked(member, file, record.fingerprint), record
-
-    def contents(self, file: CheckpointFile) -> FileRecord:
-        """Read every tensor once: refuse values that are not finite, fingerprint the rest.
-
-        A file the cache knows is not read.
-        """
-        known = self.cache.file(file.path, self.architecture.name) if self.cache else None
-        if known is not None:
-            return known
-        digests = {}
-        for key, tensor in file.tensors.items():
-            check_values(file.path, key, tensor)
-            digests[key] = tensor_digest(tensor)
-        self._check_aliases(file.path, digests)
-        record = FileRecord(fingerprint(digests), digests)
-        if self.cache is not None:
-            self.cache.remember(file.path, self.architecture.name, record)
-        return record
-
-    def _check_aliases(self, path: Path, digests: Mapping[str, str]) -> None:
-        """Refuse a file whose keys of one tensor hold different values: the network can have one alone."""
-        for spec in self.specs:
-            other = next((key for key in spec.aliases if digests.get(key) != digests.get(spec.key)), None)
-            if other is not None:
-                raise InputError(
-                    f"{path}: {spec.key!r} and {other!r} hold different values, expected the same: both name "
-                    "one tensor of the network; was one of them edited?"
-                )
-
-    def source(
-        self,
-        member: Member,
-        file: CheckpointFile,
-        base: CheckpointFile,
-        base_record: FileRecord,
-        order: Sequence[TensorSpec],
-    ) -> Staged:
-        """A source, checked whole, with the task vector of every tensor it changed.
-
-        Args:
-            member: the source.
-            file: its opened file.
-            base: the base's opened file.
-            base_record: what identifies the base's tensors.
-            order: the mergeable tensors in canonical (buffer) order.
-        """
-        record = self.contents(file)
-        digests = record.digests
-        changed = tuple(
-            s for s in order if s.key in digests and digests[s.key] != base_record.digests.get(s.key)
-        )
-        absent = tuple(spec.key for spec in order if spec.key not in digests)
-        key = vector_key(base_record.fingerprint, record.fingerprint, "\n".join(s.key for s in changed))
-        kinship, values = self._vector(key, file, base, changed)
-        thawed = tuple(spec.key for spec in changed if self.architecture.is_frozen(spec.key))
-        checked = _checked(member, file, record.fingerprint, absent, kinship)
-        return Staged(replace(checked, thawed=thawed), changed, values)
-
-    def _vector(
-        self, key: str, file: CheckpointFile, base: CheckpointFile, changed: Sequence[TensorSpec]
-    ) -> tuple[Kinship, torch.Tensor]:
-        """The task vector over ``changed``, packed in that order: from the cache, or computed and kept."""
-        size = sum(spec.size for spec in changed)
-        if self.cache is None or size * 4 <= MAPPED_ABOVE:
-            values = allocate(size, mapped=size * 4 > MAPPED_ABOVE)
-            return _subtract(file, base, changed, values), values
-        known = self.cache.vector(key)
-        if known is None:
-            with self.cache.writing(key, size) as buffer:
-                kinship = _subtract(file, base, changed, buffer)
-            self.cache.describe(key, VectorRecord(kinship.cosine, kinship.distance, str(file.path)))
-            known = self.cache.vector(key)
-        if known is None:
-            raise SfkitError(
-                f"{self.cache.folder}: a task vector just cached there is gone, is the disk full?"
-            )
-        return Kinship(known[0].cosine, known[0].distance), known[1]
-
-
-def _subtract(
-    file: CheckpointFile, base: CheckpointFile, changed: Sequence[TensorSpec], out: torch.Tensor
-) -> Kinship:
-    """Write source minus base of each tensor into ``out``, one after the other; how near the two lie."""
-    sums, offset = KinshipSums(), 0
-    for spec in changed:
-        ours, theirs = file.tensors[spec.key], base.tensors[spec.key]
-        torch.sub(ours.float(), theirs.float(), out=out[offset : offset + spec.size].view(spec.shape))
-        offset += spec.size
-        if spec.kind is Kind.WEIGHT:
-            sums.add(theirs, ours)
-    return sums.kinship()
-
-
-def _checked(
-    member: Member,
-    file: CheckpointFile,
-    identity: str,
-    absent: tuple[str, ...] = (),
-    kinship: Kinship = ITSELF,
-) -> Checked:
-    return Checked(
-        member.name, member.path, identity, member.licence, member.note, file.layout, absent, kinship
+        for member, file in zip(spec.sources, files, strict=True)
+    ]
+    sources = [source.member for source in staged]
+    _refuse_twins(sources)
+    vectors = assemble(staged, base_file.tensors, partition)
+    pool = Pool(
+        spec, entry, options, partition, tuple(specs), base, base_file.tensors, tuple(sources), vectors
     )
+    for doubt in pool.warnings:
+        warnings.warn(doubt, SfkitWarning, stacklevel=2)
+    if automatic is not None:
+        by, count = automatic
+        return pool.with_blocks(auto_partition(pool, count, by))
+    if wanted is None or isinstance(wanted, str):
+        return pool
+    return pool.with_blocks(wanted if isinstance(wanted, BlockPartition) else BlockPartition.of(wanted))
 
 
-def assemble(
-    staged: Sequence[Staged], base: Mapping[str, torch.Tensor], partition: BlockPartition
-) -> tuple[FlatLayout, torch.Tensor, dict[str, torch.Tensor]]:
-    """The layout over all tensors that any source changed, the base's values in it, and the task vectors.
-
-    Returns:
-        layout, base (P,) float32, source name -> task vector (P,) float32.
-    """
-    specs = {spec.key: spec for source in staged for spec in source.changed}
-    layout = FlatLayout.of(specs.values(), partition)
-    order = tuple(spec for spec, _ in layout.entries)
-    flat_base = torch.empty(layout.size, dtype=torch.float32)
-    layout.fill(flat_base, base)
-    vectors = {}
-    for source in staged:
-        if source.changed == order:
-            vectors[source.member.name] = source.values
-            continue
-        row = allocate(layout.size, mapped=layout.size * 4 > MAPPED_ABOVE)
-        layout.fill(row, dict(source.tensors()))
-        vectors[source.member.name] = row
-    return layout, flat_base, vectors
+def _refuse_twins(sources: Sequence[Checked]) -> None:
+    seen: dict[str, Checked] = {}
+    for source in sources:
+        twin = seen.setdefault(source.fingerprint, source)
+        if twin is not source:
+            raise InputError(
+                f"{source.path}: source {source.name!r} has the same content as source {twin.name!r} "
+                f"({twin.path}), expected different networks: name it once"
+            )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import glob
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -18,9 +17,7 @@ from numpy.typing import NDArray
 from sfkit.checkpoints.checks import Kind
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.blocks import BlockPartition
-
-if TYPE_CHECKING:
-    from sfkit.merging.pool import Pool
+from sfkit.merging.pool import Pool
 
 WAYS = ("modules", "disagreement")
 BLOCKS = 4

@@ -3,79 +3,91 @@
 from __future__ import annotations
 
 import json
-import warnings
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import pandas as pd
 import torch
 from torch import nn
 
-from sfkit.architectures import Architecture, architecture
+from sfkit.architectures import Architecture
 from sfkit.checkpoints.checks import TensorSpec
-from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
-from sfkit.errors import InputError, SfkitWarning, unknown_name
-from sfkit.merging.arena import MAPPED_ABOVE, allocate
+from sfkit.checkpoints.spec import PoolSpec
+from sfkit.errors import InputError, unknown_name
 from sfkit.merging.blocks import BlockPartition
-from sfkit.merging.cache import VectorCache
 from sfkit.merging.flat import FlatLayout
-from sfkit.merging.linear import merge_flat
 from sfkit.merging.live import LiveModel
-from sfkit.merging.opening import Checked, PoolOpener, assemble
-from sfkit.merging.partitions import auto_partition, parse_partition
+from sfkit.merging.members import Checked
 from sfkit.merging.recipe import Recipe
-from sfkit.merging.skeleton import skeleton
 from sfkit.merging.steps import Step, describe
+from sfkit.merging.vectors import TaskVectors
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Pool:
     """Base and sources of one architecture. Open one with :func:`open_pool`.
 
     Attributes:
-        name: the pool's name.
+        spec: the description it was opened from.
         architecture: the registry's entry.
         options: all its options, defaults filled in.
         partition: the block partition.
+        specs: the tensors the network has.
         base: the base checkpoint.
-        sources: the sources in the order ``pool.toml`` names them.
-        layout: where each changed tensor lies in the flat buffers.
-        base_flat: (P,) float32, the base's values in that layout.
-        vectors: source name -> task vector (P,) float32; do not write to them.
         base_tensors: key -> the base's tensors as read, of which most may be unchanged by any source.
+        sources: the sources in the order ``pool.toml`` names them.
+        task_vectors: base and sources as flat buffers.
         preparation: what was done to the task vectors after reading; empty for a pool as it was read.
         origins: source name -> the members that source was made from: itself, where it was read.
-        warnings: one sentence each, for what is allowed and probably not meant.
     """
 
-    def __init__(
-        self,
-        spec: PoolSpec,
-        entry: Architecture,
-        options: Mapping[str, Any],
-        partition: BlockPartition,
-        specs: Sequence[TensorSpec],
-        base: tuple[Checked, Mapping[str, torch.Tensor]],
-        parts: tuple[FlatLayout, torch.Tensor, dict[str, torch.Tensor]],
-        sources: Sequence[Checked],
-        *,
-        preparation: Sequence[Step] = (),
-        origins: Mapping[str, tuple[Checked, ...]] | None = None,
-    ) -> None:
-        self.name = spec.name
-        self.spec = spec
-        self.architecture = entry
-        self.options = dict(options)
-        self.partition = partition
-        self.specs = tuple(specs)
-        self.base, self.base_tensors = base
-        self.sources = tuple(sources)
-        self.layout, self.base_flat, self.vectors = parts
-        self.preparation = tuple(preparation)
-        self.origins = dict(origins or {source.name: (source,) for source in self.sources})
-        self.identity = {source.name: source.fingerprint for source in self.sources}
-        self.warnings = tuple(_doubts(self))
+    spec: PoolSpec
+    architecture: Architecture
+    options: Mapping[str, Any]
+    partition: BlockPartition
+    specs: tuple[TensorSpec, ...]
+    base: Checked
+    base_tensors: Mapping[str, torch.Tensor]
+    sources: tuple[Checked, ...]
+    task_vectors: TaskVectors
+    preparation: tuple[Step, ...] = ()
+    origins: Mapping[str, tuple[Checked, ...]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.origins:
+            object.__setattr__(self, "origins", {source.name: (source,) for source in self.sources})
+
+    @property
+    def name(self) -> str:
+        """The pool's name."""
+        return self.spec.name
+
+    @property
+    def layout(self) -> FlatLayout:
+        """Where each changed tensor lies in the flat buffers."""
+        return self.task_vectors.layout
+
+    @property
+    def base_flat(self) -> torch.Tensor:
+        """(P,) float32, the base's values in that layout."""
+        return self.task_vectors.base
+
+    @property
+    def vectors(self) -> Mapping[str, torch.Tensor]:
+        """Source name -> task vector (P,) float32; do not write to them."""
+        return self.task_vectors.by_source
+
+    @cached_property
+    def identity(self) -> dict[str, str]:
+        """Source name -> fingerprint."""
+        return {source.name: source.fingerprint for source in self.sources}
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """One sentence each, for what is allowed and probably not meant."""
+        return tuple(_doubts(self))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -126,30 +138,9 @@ class Pool:
             InputError: a pattern of the partition matches no parameter.
         """
         partition.check(spec.key for spec in self.specs)
-        layout = FlatLayout.of((spec for spec, _ in self.layout.entries), partition)
         blocks = dict(zip(partition.names, partition.patterns, strict=True))
-        return Pool(
-            replace(self.spec, blocks=blocks, partition=None),
-            self.architecture,
-            self.options,
-            partition,
-            self.specs,
-            (self.base, self.base_tensors),
-            (
-                layout,
-                self._moved(layout, self.base_flat),
-                {name: self._moved(layout, vector) for name, vector in self.vectors.items()},
-            ),
-            self.sources,
-        )
-
-    def _moved(self, layout: FlatLayout, flat: torch.Tensor) -> torch.Tensor:
-        """A flat buffer of this pool's layout in another one's order; itself where they are the same."""
-        if layout.entries == self.layout.entries:
-            return flat
-        moved = allocate(layout.size, mapped=layout.size * 4 > MAPPED_ABOVE)
-        layout.fill(moved, self.layout.views(flat))
-        return moved
+        spec = replace(self.spec, blocks=blocks, partition=None)
+        return replace(self, spec=spec, partition=partition, task_vectors=self.task_vectors.parted(partition))
 
     def merge(self, recipe: Recipe, *, device: str = "cpu") -> LiveModel:
         """The network a recipe describes, live: it takes on other recipes in place."""
@@ -164,9 +155,7 @@ class Pool:
         Raises:
             InputError: the recipe names sources or blocks the pool does not have.
         """
-        ordered = self.ordered(recipe)
-        merge_flat(ordered, self.layout, self.base_flat, [self.vectors[n] for n in ordered.sources], out)
-        return out
+        return self.task_vectors.merge_into(self.ordered(recipe), out)
 
     def ordered(self, recipe: Recipe) -> Recipe:
         """The recipe with its sources in the order task vectors are added in: that of their fingerprints.
@@ -261,76 +250,6 @@ class Pool:
             f"Pool({self.name!r}: {self.architecture.name}, base + {len(self.sources)} sources "
             f"({', '.join(self.names)}), {len(self.blocks)} blocks, {self.layout.size:,} changed parameters)"
         )
-
-
-def open_pool(
-    path: str | Path | PoolSpec,
-    *,
-    cache: VectorCache | None = None,
-    blocks: BlockPartition | Mapping[str, Sequence[str]] | str | None = None,
-) -> Pool:
-    """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
-
-    ``blocks`` takes the place of the partition that it or the architecture gives: block name -> globs over
-    keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see
-    :func:`~sfkit.merging.partitions.auto_partition`).
-
-    Task vectors of big networks are kept in ``cache`` (the user's, unless given), so that a second
-    opening reads no checkpoint that has not changed.
-
-    Warns (:class:`~sfkit.errors.SfkitWarning`) where a source does not look like a fine-tune of the base
-    or lacks an optional part.
-
-    Raises:
-        InputError: anything in the description or the files is not as it must be; see
-            :mod:`sfkit.checkpoints`.
-    """
-    spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
-    wanted = spec.partition if blocks is None else blocks
-    automatic = parse_partition(wanted) if isinstance(wanted, str) else None
-    entry = architecture(spec.architecture)
-    options = entry.resolve(spec.options, near=spec.base.path)
-    specs = skeleton(entry, options)
-    partition = BlockPartition.of(spec.blocks or entry.blocks(options))
-    partition.check(spec.key for spec in specs)
-    opener = PoolOpener(entry, options, specs, cache or VectorCache())
-    base_file, *files = opener.headers((spec.base, *spec.sources))
-    base_file = base_file or opener.read(spec.base.path, is_base=True, wrapping=spec.base.wrapping)
-    base, record = opener.base(spec.base, base_file)
-    order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
-    staged = [
-        opener.source(
-            member,
-            file or opener.read(member.path, is_base=False, wrapping=member.wrapping),
-            base_file,
-            record,
-            order,
-        )
-        for member, file in zip(spec.sources, files, strict=True)
-    ]
-    sources = [source.member for source in staged]
-    _refuse_twins(sources)
-    parts = assemble(staged, base_file.tensors, partition)
-    pool = Pool(spec, entry, options, partition, specs, (base, base_file.tensors), parts, sources)
-    for doubt in pool.warnings:
-        warnings.warn(doubt, SfkitWarning, stacklevel=2)
-    if automatic is not None:
-        by, count = automatic
-        return pool.with_blocks(auto_partition(pool, count, by))
-    if wanted is None or isinstance(wanted, str):
-        return pool
-    return pool.with_blocks(wanted if isinstance(wanted, BlockPartition) else BlockPartition.of(wanted))
-
-
-def _refuse_twins(sources: Sequence[Checked]) -> None:
-    seen: dict[str, Checked] = {}
-    for source in sources:
-        twin = seen.setdefault(source.fingerprint, source)
-        if twin is not source:
-            raise InputError(
-                f"{source.path}: source {source.name!r} has the same content as source {twin.name!r} "
-                f"({twin.path}), expected different networks: name it once"
-            )
 
 
 def _doubts(pool: Pool) -> Iterable[str]:

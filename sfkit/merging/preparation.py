@@ -23,7 +23,7 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.merging.arena import MAPPED_ABOVE, allocate
 from sfkit.merging.cache import VectorCache, VectorRecord
 from sfkit.merging.fusion import Importances, fuse
-from sfkit.merging.opening import ITSELF, Checked
+from sfkit.merging.members import ITSELF, Checked
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.sparsity import Piece, Row, Thresholds, pieces, thinned
@@ -78,15 +78,10 @@ def prepare(
         else:
             sources = [_fused(sources, step, pool, importances)]
     vectors = {s.member.name: _written(s, pool, cache or VectorCache()) for s in sources}
-    return Pool(
-        pool.spec,
-        pool.architecture,
-        pool.options,
-        pool.partition,
-        pool.specs,
-        (pool.base, pool.base_tensors),
-        (pool.layout, pool.base_flat, vectors),
-        [source.member for source in sources],
+    return replace(
+        pool,
+        sources=tuple(source.member for source in sources),
+        task_vectors=replace(pool.task_vectors, by_source=vectors),
         preparation=(*pool.preparation, *active),
         origins={source.member.name: source.origins for source in sources},
     )

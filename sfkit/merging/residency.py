@@ -7,16 +7,13 @@ changes no bit. What is here has run on the CPU and the meta device only, on no 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import torch
 
 from sfkit.merging.flat import FlatLayout, Segment
 from sfkit.merging.linear import CHUNK, merge_flat
 from sfkit.merging.recipe import Recipe
-
-if TYPE_CHECKING:
-    from sfkit.merging.pool import Pool
+from sfkit.merging.vectors import TaskVectors
 
 SHARE = 4  # task vectors may take 1/SHARE of the free device memory: activations need the rest
 # Elements sent at a time where they do not fit, 4 MiB of each task vector: a multiple of the chunk that
@@ -28,7 +25,7 @@ class DeviceMerger:
     """Writes merged parameters into buffers on one device.
 
     Args:
-        pool: whose recipes are merged.
+        vectors: base and task vectors, wherever they lie.
         device: where the output lies.
         budget: bytes that base and task vectors may take on the device together; a quarter of what is
             free there unless given, and no limit on a device that cannot tell.
@@ -38,42 +35,43 @@ class DeviceMerger:
             those it needs, window by window.
     """
 
-    def __init__(self, pool: Pool, device: torch.device, *, budget: int | None = None) -> None:
-        self.pool, self.device = pool, device
+    def __init__(self, vectors: TaskVectors, device: torch.device, *, budget: int | None = None) -> None:
+        self.vectors, self.device = vectors, device
+        size = vectors.layout.size
         room = free_bytes(device) if budget is None else budget
-        self.resident = room is None or (len(pool.vectors) + 1) * pool.layout.size * 4 <= room
+        self.resident = room is None or (len(vectors.by_source) + 1) * size * 4 <= room
         if self.resident:
-            self._base = pool.base_flat.to(device)
-            self._vectors = {name: vector.to(device) for name, vector in pool.vectors.items()}
+            self._base = vectors.base.to(device)
+            self._vectors = {name: vector.to(device) for name, vector in vectors.by_source.items()}
         else:
-            width = min(WINDOW, pool.layout.size)
+            width = min(WINDOW, size)
             self._base = torch.empty(width, dtype=torch.float32, device=device)
-            self._vectors = {name: torch.empty_like(self._base) for name in pool.vectors}
+            self._vectors = {name: torch.empty_like(self._base) for name in vectors.by_source}
 
-    def merge_into(self, recipe: Recipe, out: torch.Tensor) -> torch.Tensor:
+    def merge_into(self, ordered: Recipe, out: torch.Tensor) -> torch.Tensor:
         """Write the merged flat parameters into ``out`` (P,) on the device, and return it.
 
-        Raises:
-            InputError: the recipe names sources or blocks the pool does not have.
+        Args:
+            ordered: a recipe over the sources of ``vectors``, which are added in its order.
+            out: overwritten.
         """
-        ordered = self.pool.ordered(recipe)
         if self.resident:
             vectors = [self._vectors[name] for name in ordered.sources]
-            merge_flat(ordered, self.pool.layout, self._base, vectors, out)
+            merge_flat(ordered, self.vectors.layout, self._base, vectors, out)
         else:
-            for window in windows(self.pool.layout):
+            for window in windows(self.vectors.layout):
                 self._merge_window(ordered, window, out)
         return out
 
     def _merge_window(self, ordered: Recipe, window: Segment, out: torch.Tensor) -> None:
         part = slice(window.start, window.stop)
         width = window.stop - window.start
-        base = self._base[:width].copy_(self.pool.base_flat[part])
+        base = self._base[:width].copy_(self.vectors.base[part])
         vectors = []
         for e, name in enumerate(ordered.sources):
             stage = self._vectors[name][:width]
             if any(row[e] for row in ordered.weights):  # merge_flat reads no source without a weight
-                stage.copy_(self.pool.vectors[name][part])
+                stage.copy_(self.vectors.by_source[name][part])
             vectors.append(stage)
         alone = FlatLayout((), (Segment(window.block, window.kind, 0, width),), width)
         merge_flat(ordered, alone, base, vectors, out[part])

@@ -13,7 +13,7 @@ from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
 from sfkit.checkpoints.writing import FileForm, form_of, write_checkpoint
 from sfkit.errors import InputError
 from sfkit.files import write_text
-from sfkit.merging.opening import Checked
+from sfkit.merging.members import Checked
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 

@@ -14,11 +14,11 @@ from sfkit.search.encoding import Encoding, mean_entropy
 from sfkit.search.journal import Journal, last_run, read_journal
 from sfkit.search.live import LiveSearch
 from sfkit.search.operators import SubsetSpace
-from sfkit.search.records import Candidate, Counts, Generation
+from sfkit.search.records import Candidate, Counts, Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingState
 from sfkit.search.routing_settings import RoutingSettings
-from sfkit.search.subset import SubsetCandidate, SubsetSearch, SubsetState
+from sfkit.search.subset import SubsetSearch, SubsetState
 
 __all__ = [
     "Candidate",

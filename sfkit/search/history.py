@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
-if TYPE_CHECKING:
-    from sfkit.search.routing_records import RoutingCandidate
-    from sfkit.search.subset import SubsetCandidate
+from sfkit.search.records import SubsetCandidate
+from sfkit.search.routing_records import RoutingCandidate
 
 COMMON = ("candidate", "generation", "subset", "size", "score", "failed", "error")
 """Columns every history starts with."""

@@ -19,11 +19,11 @@ from sfkit.merging.saving import origin_metadata, save_merged
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
-from sfkit.search.records import Generation
+from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate
 from sfkit.search.routing_settings import RoutingSettings
-from sfkit.search.subset import SubsetCandidate, SubsetSearch
+from sfkit.search.subset import SubsetSearch
 
 Progress = Callable[[str, Generation[Any]], None]
 

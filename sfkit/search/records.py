@@ -73,6 +73,31 @@ class Candidate:
         }
 
 
+@dataclass(frozen=True, kw_only=True)
+class SubsetCandidate(Candidate):
+    """A subset and how it came about.
+
+    Attributes:
+        chromosome: the subset's names in the order of its genes.
+        parents: numbers of the candidates it was bred from; one for a copy, none in generation 0.
+        operators: what made it, in order: "random" or "start"; "crossover" or "copy", then maybe
+            "replace", "insert" or "delete".
+    """
+
+    chromosome: tuple[str, ...]
+    parents: tuple[int, ...]
+    operators: tuple[str, ...]
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain values for the history and the journal."""
+        return {
+            **super().as_record(),
+            "chromosome": self.chromosome,
+            "parents": self.parents,
+            "operators": self.operators,
+        }
+
+
 C = TypeVar("C", bound=Candidate)
 
 

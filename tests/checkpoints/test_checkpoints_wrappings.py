@@ -24,7 +24,7 @@ from sfkit.checkpoints.layouts import Wrapping
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import open_pool
-from sfkit.merging.opening import PoolOpener
+from sfkit.merging.members import PoolOpener
 from sfkit.merging.skeleton import skeleton
 
 STATE = tiny.base_state()

@@ -9,7 +9,7 @@ import pytest
 from cli_world import Shell, rename_sources
 from tiny import write_pairs, write_pool
 
-from sfkit.merging import opening
+from sfkit.merging import members
 
 SEARCH = "search pool -b pairs -r pairs --population 4 --generations 1 --evaluations 6 --yes"
 
@@ -73,7 +73,7 @@ def test_the_cache_is_listed_and_cleared(
 ) -> None:
     monkeypatch.setenv("SFKIT_CACHE", str(tmp_path / "cache"))
     assert shell.json("cache list")["entries"] == []
-    monkeypatch.setattr(opening, "MAPPED_ABOVE", 0)
+    monkeypatch.setattr(members, "MAPPED_ABOVE", 0)
     shell("merge pool --uniform -o merged.safetensors")
     listed = shell.json("cache list")
     files = sorted(Path(entry["source"]).name for entry in listed["entries"])

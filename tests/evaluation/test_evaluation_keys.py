@@ -66,8 +66,7 @@ def other_source(folder: Path) -> Pool:
 def other_version(folder: Path) -> Pool:
     register_architecture("flat-2", blocks={"level": ["level"], "offset": ["offset"]}, version="2")(Flat)
     pool = open_pool(replace(flat_spec(folder / "version"), architecture="flat-2"))
-    pool.architecture = replace(pool.architecture, name="flat")
-    return pool
+    return replace(pool, architecture=replace(pool.architecture, name="flat"))
 
 
 def other_option(folder: Path) -> Pool:

@@ -20,7 +20,7 @@ from sfkit.architectures import architecture, register_architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.checkpoints.spec import Member, PoolSpec
 from sfkit.errors import InputError
-from sfkit.merging import Pool, arena, open_pool, opening
+from sfkit.merging import Pool, arena, members, open_pool
 from sfkit.merging.saving import save_merged
 from sfkit.merging.skeleton import skeleton
 
@@ -31,7 +31,7 @@ Usage = namedtuple("Usage", "total used free")
 @pytest.fixture
 def mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Networks of any size count as big; returns the folder of cache and buffers."""
-    monkeypatch.setattr(opening, "MAPPED_ABOVE", 0)
+    monkeypatch.setattr(members, "MAPPED_ABOVE", 0)
     monkeypatch.setenv("SFKIT_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 

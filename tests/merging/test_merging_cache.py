@@ -11,21 +11,21 @@ from safetensors.torch import load_file, save_file
 from tiny import fine_tune, write_pool
 
 from sfkit.merging import cache as cache_module
-from sfkit.merging import open_pool, opening
+from sfkit.merging import members, open_pool
 from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord
 
 
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> VectorCache:
     """A cache that takes networks of any size."""
-    monkeypatch.setattr(opening, "MAPPED_ABOVE", 0)
+    monkeypatch.setattr(members, "MAPPED_ABOVE", 0)
     return VectorCache(tmp_path / "cache")
 
 
 def count_digests(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     read: list[int] = []
-    digest = opening.tensor_digest
-    monkeypatch.setattr(opening, "tensor_digest", lambda t: read.append(t.numel()) or digest(t))
+    digest = members.tensor_digest
+    monkeypatch.setattr(members, "tensor_digest", lambda t: read.append(t.numel()) or digest(t))
     return read
 
 

@@ -18,8 +18,8 @@ from sfkit.checkpoints.spec import Member, PoolSpec
 from sfkit.checkpoints.writing import FileForm
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import Pool, Recipe, open_pool
+from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
-from sfkit.merging.opening import PoolOpener
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
 
 

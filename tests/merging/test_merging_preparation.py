@@ -16,7 +16,7 @@ from sfkit.checkpoints.checks import Kind
 from sfkit.datasets import open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.engines.parcel import PoolParcel
-from sfkit.merging import Pool, Recipe, open_pool, preparation
+from sfkit.merging import BlockPartition, Pool, Recipe, open_pool, preparation
 from sfkit.merging.cache import VectorCache
 from sfkit.merging.preparation import measured
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
@@ -224,3 +224,12 @@ def test_large_vectors_are_kept_in_the_cache(
     monkeypatch.setattr(preparation, "fuse", lambda *_, **__: pytest.fail("computed again"))
     again = prepare(pool, Trim(0.2), Elect(), cache=cache)
     assert torch.equal(again.vectors["ties"], small.vectors["ties"])
+
+
+def test_another_partition_keeps_what_was_done_to_the_vectors(tmp_path: Path) -> None:
+    trimmed = prepare(open_pool(write_pool(tmp_path)), Trim(0.5))
+    parted = trimmed.with_blocks(BlockPartition.of({"all": ["*"]}))
+    assert parted.preparation == trimmed.preparation
+    assert parted.origins == trimmed.origins
+    merged, expected = (pool.state_dict(pool.uniform()) for pool in (parted, trimmed))
+    assert all(torch.equal(merged[key], tensor) for key, tensor in expected.items())

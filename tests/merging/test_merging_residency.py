@@ -37,18 +37,18 @@ def test_either_way_the_bits_are_those_of_the_pool(
     pool: Pool, budget: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(residency, "WINDOW", 64)  # several windows in each segment; 64 keeps vectors whole
-    merger = DeviceMerger(pool, CPU, budget=budget)
+    merger = DeviceMerger(pool.task_vectors, CPU, budget=budget)
     assert merger.resident is (budget > 0)
     out, expected = torch.empty(2, pool.layout.size)
     for recipe in recipes(pool):
-        merger.merge_into(recipe, out)
+        merger.merge_into(pool.ordered(recipe), out)
         assert torch.equal(out, pool.merge_into(recipe, expected))
 
 
 def test_the_budget_counts_base_and_every_source(pool: Pool) -> None:
     need = 4 * pool.layout.size * (3 + 1)
-    assert DeviceMerger(pool, CPU, budget=need).resident
-    assert not DeviceMerger(pool, CPU, budget=need - 1).resident
+    assert DeviceMerger(pool.task_vectors, CPU, budget=need).resident
+    assert not DeviceMerger(pool.task_vectors, CPU, budget=need - 1).resident
 
 
 def test_windows_cover_each_segment_once(pool: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,11 +82,11 @@ class OneDevice(TorchFunctionMode):
 @pytest.mark.parametrize("budget", [0, 1 << 40], ids=["passing by", "resident"])
 def test_on_another_device_only_copies_cross(pool: Pool, budget: int) -> None:
     meta = torch.device("meta")
-    merger = DeviceMerger(pool, meta, budget=budget)
+    merger = DeviceMerger(pool.task_vectors, meta, budget=budget)
     out = torch.empty(pool.layout.size, device=meta)
     with OneDevice():
         for recipe in recipes(pool):
-            assert merger.merge_into(recipe, out) is out
+            assert merger.merge_into(pool.ordered(recipe), out) is out
         with pytest.raises(AssertionError, match="mixes"):
             out.add_(pool.base_flat)
 

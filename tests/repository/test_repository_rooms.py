@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -93,3 +95,48 @@ def test_a_room_knows_only_what_stands_left_of_it(room: str) -> None:
         tops = {name.partition(".")[0] for name in names}
         assert "sfkit_widgets" not in tops, f"{path.relative_to(ROOT)}: sfkit never imports its widgets"
         assert not tops & FOREIGN.get(room, set()), f"{path.relative_to(ROOT)} imports {tops}"
+
+
+def modules(folder: Path) -> dict[str, Path]:
+    """Name -> file of every module below a folder whose parent is on the path."""
+    named = {}
+    for path in folder.rglob("*.py"):
+        parts = path.relative_to(folder.parent).with_suffix("").parts
+        named[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return named
+
+
+def known_modules(names: set[str], named: Mapping[str, Path]) -> Iterator[str]:
+    """The modules that imported names stand for: ``a.b.c`` is the module, or a name out of ``a.b``."""
+    for name in names:
+        found = name if name in named else name.rpartition(".")[0]
+        if found in named:
+            yield found
+
+
+def assert_no_circle(named: Mapping[str, Path]) -> None:
+    """No module imports itself by way of others, wherever in the files the imports stand."""
+    graph = {name: set(known_modules(imports(path), named)) - {name} for name, path in named.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"modules import each other in a circle: {' <- '.join(error.args[1])}")
+
+
+@pytest.mark.parametrize("folder", [PACKAGE, ROOT / "widgets" / "sfkit_widgets"], ids=lambda path: path.name)
+def test_no_module_imports_itself_by_way_of_others(folder: Path) -> None:
+    assert_no_circle(modules(folder))
+
+
+def test_no_benchmark_imports_itself_by_way_of_others() -> None:
+    assert_no_circle({path.stem: path for path in (ROOT / "benchmarks").glob("*.py")})
+
+
+def test_a_circle_for_type_checkers_alone_is_found(tmp_path: Path) -> None:
+    (tmp_path / "kit").mkdir()
+    (tmp_path / "kit" / "one.py").write_text("from kit.two import B")
+    (tmp_path / "kit" / "two.py").write_text(
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from kit import one\n"
+    )
+    with pytest.raises(pytest.fail.Exception, match=r"in a circle: kit\.(one|two) <- kit"):
+        assert_no_circle(modules(tmp_path / "kit"))

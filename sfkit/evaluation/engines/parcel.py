@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -12,16 +12,12 @@ import torch
 from numpy.typing import NDArray
 
 from sfkit.architectures import architecture
-from sfkit.checkpoints.checks import TensorSpec
-from sfkit.checkpoints.spec import PoolSpec
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.pairs import MemoryPair
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
-from sfkit.merging.opening import Checked
 from sfkit.merging.pool import Pool
-from sfkit.merging.steps import Step
+from sfkit.merging.vectors import TaskVectors
 
 
 @dataclass(frozen=True)
@@ -49,37 +45,32 @@ class TensorBytes:
 
 @dataclass(frozen=True)
 class PoolParcel:
-    """What :class:`~sfkit.merging.pool.Pool` is made of, its architecture by name."""
+    """A :class:`~sfkit.merging.pool.Pool`, its architecture by name and its tensors as bytes.
 
-    spec: PoolSpec
-    options: Mapping[str, Any]
-    partition: BlockPartition
-    specs: tuple[TensorSpec, ...]
-    base: Checked
-    sources: tuple[Checked, ...]
+    Attributes:
+        record: the pool's other fields, by name.
+        layout: of the flat buffers.
+        base_flat: the base in that layout.
+        vectors: source name -> task vector.
+        base_tensors: key -> the base's tensor.
+    """
+
+    record: Mapping[str, Any]
     layout: FlatLayout
     base_flat: TensorBytes
     vectors: Mapping[str, TensorBytes]
     base_tensors: Mapping[str, TensorBytes]
-    preparation: tuple[Step, ...]
-    origins: Mapping[str, tuple[Checked, ...]]
 
     @classmethod
     def of(cls, pool: Pool) -> PoolParcel:
         """The parts of a pool, sharing its memory."""
+        apart = ("architecture", "base_tensors", "task_vectors")
         return cls(
-            pool.spec,
-            pool.options,
-            pool.partition,
-            pool.specs,
-            pool.base,
-            pool.sources,
+            {f.name: getattr(pool, f.name) for f in fields(pool) if f.name not in apart},
             pool.layout,
             TensorBytes.of(pool.base_flat),
             {name: TensorBytes.of(vector) for name, vector in pool.vectors.items()},
             {key: TensorBytes.of(tensor) for key, tensor in pool.base_tensors.items()},
-            pool.preparation,
-            pool.origins,
         )
 
     def open(self) -> Pool:
@@ -88,19 +79,12 @@ class PoolParcel:
         Raises:
             InputError: no such architecture.
         """
-        vectors = {name: data.tensor() for name, data in self.vectors.items()}
-        tensors = {key: data.tensor() for key, data in self.base_tensors.items()}
+        by_source = {name: data.tensor() for name, data in self.vectors.items()}
         return Pool(
-            self.spec,
-            architecture(self.spec.architecture),
-            self.options,
-            self.partition,
-            self.specs,
-            (self.base, tensors),
-            (self.layout, self.base_flat.tensor(), vectors),
-            self.sources,
-            preparation=self.preparation,
-            origins=self.origins,
+            architecture=architecture(self.record["spec"].architecture),
+            base_tensors={key: data.tensor() for key, data in self.base_tensors.items()},
+            task_vectors=TaskVectors(self.layout, self.base_flat.tensor(), by_source),
+            **self.record,
         )
 
 

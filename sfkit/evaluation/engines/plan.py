@@ -21,7 +21,8 @@ from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.live import LiveModel
-from sfkit.merging.pool import Pool, open_pool
+from sfkit.merging.opening import open_pool
+from sfkit.merging.pool import Pool
 from sfkit.merging.preparation import prepare
 from sfkit.merging.steps import FisherMean, Step
 
