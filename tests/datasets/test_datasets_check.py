@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sfkit.datasets import Sample, check_benchmark, check_data, memory_benchmark, open_benchmark
-from sfkit.datasets.check_sample import problems, residuals, warnings
+from sfkit.datasets.check_sample import problems, warnings
 from sfkit.errors import InputError
 
 Writer = Callable[[Path, NDArray[np.generic]], Path]
@@ -39,23 +39,12 @@ def test_exchanged_images_are_noticed(sample: Sample) -> None:
     assert warnings(sample) == ()
     (warning,) = warnings(mirrored(sample))
     assert "left and right look exchanged" in warning
-    # The right view is the left one, moved; only the views' own normalisation is left as a difference.
-    assert residuals(sample).as_given < 0.05
-    assert residuals(sample).mirrored > 0.5
-    assert residuals(mirrored(sample)).exchanged == residuals(sample).as_given
-
-
-def test_textureless_pairs_do_not_warn(sample: Sample) -> None:
-    flat = np.full_like(sample.left, 90)
-    assert not residuals(replace(sample, left=flat, right=flat)).swapped
 
 
 def test_too_few_pixels_to_tell(sample: Sample) -> None:
     sparse = np.full_like(sample.disparity, np.nan)
     sparse[20, 20:40] = 6
-    assert residuals(replace(mirrored(sample), disparity=sparse)).pixels == 20
     assert warnings(replace(mirrored(sample), disparity=sparse)) == ()
-    assert residuals(replace(sample, disparity=np.full_like(sparse, np.nan))).pixels == 0
 
 
 @pytest.mark.parametrize("exchanged", [False, True])
