@@ -7,7 +7,6 @@ from sfkit.analysis.ablations import (
     subset_transfer,
     validation_sets,
 )
-from sfkit.analysis.bootstrap import Difference, Resampling, Spread, paired_difference, seed_spread
 from sfkit.analysis.comparisons import ComparedColumn, ComparedNetwork, NetworkComparison, compare_networks
 from sfkit.analysis.costs import MethodCost, StageCost, cost_table, method_cost, overhead_table, stage_costs
 from sfkit.analysis.differences import (
@@ -36,6 +35,7 @@ from sfkit.analysis.overfit import (
     holdout_sentence,
     learning_curve,
 )
+from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
@@ -47,6 +47,7 @@ from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.similarity import DataSimilarity, data_similarity, similarity_recipes
 from sfkit.analysis.study import Study, study
 from sfkit.analysis.summary import summary
+from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
 
 __all__ = [
     "Advantage",
@@ -71,15 +72,16 @@ __all__ = [
     "PopulationHistory",
     "PopulationSizes",
     "RegionScores",
-    "Resampling",
     "RoutingTrace",
     "ScoreGrid",
     "SelectionStatistics",
     "Spread",
     "StageCost",
     "Study",
+    "Support",
     "TaskVectorGeometry",
     "Trial",
+    "Verdict",
     "advantage",
     "advantage_panels",
     "advantage_table",
@@ -87,6 +89,7 @@ __all__ = [
     "block_probes",
     "compare_networks",
     "contenders",
+    "corrected",
     "cost_table",
     "data_similarity",
     "disparity_panels",
@@ -121,6 +124,7 @@ __all__ = [
     "seed_spread",
     "selection_statistics",
     "similarity_recipes",
+    "simplicity",
     "source_table",
     "stage_costs",
     "stage_variants",
@@ -131,6 +135,7 @@ __all__ = [
     "task_vector_geometry",
     "textureless_mask",
     "validation_sets",
+    "verdict",
     "watched_population",
     "watched_routing",
 ]

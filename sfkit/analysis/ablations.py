@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from sfkit.analysis.bootstrap import paired_difference
 from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.measured import measure_with
+from sfkit.analysis.paired import paired_difference
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.separation import identities
@@ -172,7 +172,7 @@ def _against_own(here: Experiment, recipes: Mapping[str, Recipe]) -> str:
     if not evaluators:
         return "no benchmark is unseen"
     measured = measure_with(evaluators, recipes)
-    return str(paired_difference(measured, reused, own, np.random.default_rng(here.seed)))
+    return str(paired_difference(measured, reused, own))
 
 
 def _table(

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import numpy as np
 import pandas as pd
 
-from sfkit.analysis.bootstrap import (
-    LEVEL,
-    RESAMPLES,
+from sfkit.analysis.intervals import LEVEL
+from sfkit.analysis.measured import Measured
+from sfkit.analysis.paired import (
     Difference,
-    Resampling,
     Spread,
     common_unit,
+    corrected,
+    paired_difference,
     seed_spread,
 )
-from sfkit.analysis.measured import Measured
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 
@@ -91,6 +90,14 @@ class ComparedNetwork:
         return guided.value < 0.0 and guided.within_noise is not True and unseen.value >= 0.0
 
     @property
+    def outdoes_on_unseen(self) -> bool:
+        """True where the reference is better than this row on validation and not on unseen benchmarks."""
+        guided, unseen = self.guided_difference, self.unseen_difference
+        if guided is None or unseen is None:
+            return False
+        return guided.value > 0.0 and guided.within_noise is not True and unseen.value <= 0.0
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """What the row says in words; nothing for the reference."""
         said = []
@@ -137,10 +144,17 @@ class NetworkComparison:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """Every row in words, and a doubt where intervals come from few images."""
-        few = [d for row in self.rows if (d := row.difference) is not None and d.few]
-        doubt = [f"Intervals from only {min(few[0].images)} images are likely too narrow."] if few else []
-        return (*(sentence for row in self.rows for sentence in row.sentences), *doubt)
+        """Every row in words, and where the reference gained on what guided it alone."""
+        fits = [
+            f"{self.reference} gained on what guided it against {row.network} ({-guided.value:+.2f} "
+            f"{guided.points}) and not on unseen benchmarks ({-unseen.value:+.2f} {unseen.points}): "
+            "it fits the validation images."
+            for row in self.rows
+            if row.outdoes_on_unseen
+            and (guided := row.guided_difference) is not None
+            and (unseen := row.unseen_difference) is not None
+        ]
+        return (*(sentence for row in self.rows for sentence in row.sentences), *fits)
 
     def table(self) -> pd.DataFrame:
         """A row a network: scores, means, the gap, the difference with its interval, the verdict.
@@ -168,35 +182,49 @@ class NetworkComparison:
 def compare_networks(
     measured: Sequence[Measured],
     reference: str,
-    rng: np.random.Generator,
     *,
     seeds: Mapping[str, Sequence[str]] | None = None,
     metric: str | None = None,
-    resamples: int = RESAMPLES,
     level: float = LEVEL,
 ) -> NetworkComparison:
     """Compare networks on benchmarks with a reference, each difference with its interval.
 
+    What the table shows is corrected for how many differences it shows (Holm): those on the unseen mean
+    together, those on the guiding mean, and those on single benchmarks.
+
     Args:
         measured: the benchmarks, from :func:`~sfkit.analysis.measured.measure_recipes`.
         reference: a row's name.
-        rng: draws images for the bootstrap; all rows share the draws.
         seeds: row name -> the networks that are its runs from several seeds, shown as one row.
         metric: on every benchmark; each one's own unless given.
-        resamples: how many draws.
         level: coverage of the intervals.
 
     Raises:
         InputError: no benchmark, an unknown network, one in two rows, or metrics of different units.
     """
-    drawing = Resampling(measured, rng, resamples=resamples, level=level)
     rows = _rows(measured[0].networks, seeds or {})
     if reference not in rows:
         raise InputError(f"comparison: found no row {reference!r}, expected one of: {', '.join(rows)}")
     columns = tuple(_column(one, metric) for one in measured)
     unit = common_unit(measured, metric)
-    made = [_row(name, runs, reference, rows, measured, drawing, metric) for name, runs in rows.items()]
-    return NetworkComparison(reference, columns, tuple(made), unit)
+    made = [_row(name, runs, reference, rows, measured, metric, level) for name, runs in rows.items()]
+    return NetworkComparison(reference, columns, _corrected(made), unit)
+
+
+def _corrected(rows: Sequence[ComparedNetwork]) -> tuple[ComparedNetwork, ...]:
+    """All rows, each family of their differences corrected together."""
+    single = iter(corrected([one for row in rows for one in row.differences]))
+    guided = iter(corrected([row.guided_difference for row in rows if row.guided_difference]))
+    unseen = iter(corrected([row.unseen_difference for row in rows if row.unseen_difference]))
+    return tuple(
+        replace(
+            row,
+            differences=tuple(next(single) for _ in row.differences),
+            guided_difference=next(guided) if row.guided_difference else None,
+            unseen_difference=next(unseen) if row.unseen_difference else None,
+        )
+        for row in rows
+    )
 
 
 def _rows(networks: Sequence[str], seeds: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
@@ -223,8 +251,8 @@ def _row(
     reference: str,
     rows: Mapping[str, tuple[str, ...]],
     measured: Sequence[Measured],
-    drawing: Resampling,
     metric: str | None,
+    level: float,
 ) -> ComparedNetwork:
     guides = [one for one in measured if one.validation]
     tests = [one for one in measured if not one.validation]
@@ -236,12 +264,8 @@ def _row(
         return ComparedNetwork(name, scores, guided, unseen, spread=spread)
 
     def against(group: Sequence[Measured]) -> Difference:
-        return drawing.difference(
-            runs,
-            rows[reference],
-            benchmarks=[one.benchmark for one in group],
-            metric=metric,
-            named=(name, reference),
+        return paired_difference(
+            group, runs, rows[reference], metric=metric, level=level, named=(name, reference)
         )
 
     differences = tuple(against([one]) for one in measured)

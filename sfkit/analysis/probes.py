@@ -14,8 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sfkit.analysis.bootstrap import RESAMPLES, Difference, Resampling
 from sfkit.analysis.measured import Measured, measure_with
+from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.table import Progress
@@ -55,12 +55,12 @@ class BlockProbes:
 
     @property
     def noise(self) -> NDArray[np.bool_]:
-        """(B, E) True where a difference is within noise, or has no interval that could tell."""
+        """(B, E) True where a difference is within the noise of all probes, or has no interval."""
         return np.array([[d.within_noise is not False for d in row] for row in self.differences])
 
     @property
     def preferred(self) -> dict[str, str | None]:
-        """Block -> the source that helps it most beyond noise; None where none does."""
+        """Block -> the source that helps it most beyond the noise of all probes; None where none does."""
         chosen: dict[str, str | None] = {}
         for block, values, noise in zip(self.blocks, self.values, self.noise, strict=True):
             able = np.where(noise | ~(values < 0.0), np.inf, values)
@@ -97,10 +97,8 @@ def probe_recipes(subset: Iterable[str], blocks: Iterable[str]) -> dict[tuple[st
 def block_probes(
     evaluator: Evaluator,
     subset: Iterable[str],
-    rng: np.random.Generator,
     *,
     validation: bool = False,
-    resamples: int = RESAMPLES,
     progress: Progress | None = None,
 ) -> BlockProbes:
     """Score all B x E probes and the subset's mean on one benchmark.
@@ -108,9 +106,7 @@ def block_probes(
     Args:
         evaluator: of the benchmark.
         subset: sources to probe, at least two.
-        rng: draws images for the intervals.
         validation: whether the benchmark guided a search.
-        resamples: how many draws.
         progress: hears of each evaluation when it is done.
 
     Raises:
@@ -124,15 +120,14 @@ def block_probes(
     (one,) = measure_with(
         [evaluator], {MEAN: pool.equal(*sources), **named}, validation=guide, progress=progress
     )
-    return _probes(one, pool.blocks, sources, Resampling([one], rng, resamples=resamples))
+    return _probes(one, pool.blocks, sources)
 
 
-def _probes(
-    one: Measured, blocks: tuple[str, ...], sources: tuple[str, ...], drawing: Resampling
-) -> BlockProbes:
-    differences = tuple(
-        tuple(drawing.difference(f"{block}: {source}", MEAN) for source in sources) for block in blocks
-    )
+def _probes(one: Measured, blocks: tuple[str, ...], sources: tuple[str, ...]) -> BlockProbes:
+    found = [paired_difference(one, f"{block}: {source}", MEAN) for block in blocks for source in sources]
+    # B x E probes look for a preference at once: by chance alone some of them would find one.
+    cells, width = corrected(found), len(sources)
+    differences = tuple(cells[row * width : (row + 1) * width] for row in range(len(blocks)))
     return BlockProbes(
         blocks, sources, one.benchmark, one.metric, one.unit, one.validation, one.score(MEAN), differences
     )

@@ -7,14 +7,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from sfkit.analysis.bootstrap import Difference, Resampling
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.measured import Measured, measure_with
+from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.errors import InputError
@@ -78,9 +77,9 @@ class Study:
         return _mean(one.score(network, metric=self.metric) for one in self.unseen or self.measured)
 
     def differences(self, network: str, references: Sequence[str]) -> tuple[Difference, ...]:
-        """One network against others on the unseen benchmarks' mean, all on the same draws of images."""
-        drawing = Resampling(self.unseen or self.measured, np.random.default_rng(self.experiment.seed))
-        return tuple(drawing.difference(network, name, metric=self.metric) for name in references)
+        """One network against others on the unseen benchmarks' mean, corrected for how many they are."""
+        tests = self.unseen or self.measured
+        return corrected([paired_difference(tests, network, name, metric=self.metric) for name in references])
 
     def selection(self) -> SelectionStatistics:
         """Which sources the seeds of the two stages chose, and with what weight."""
@@ -305,7 +304,7 @@ def _compare(
         )
         for one in measured
     ]
-    return compare_networks(rows, reference, np.random.default_rng(experiment.seed), seeds=groups)
+    return compare_networks(rows, reference, seeds=groups)
 
 
 def _best(runs: Mapping[str, BaselineResult]) -> str:
@@ -319,8 +318,7 @@ def _verdict(found: Difference | None) -> str:
         return "the reference"
     if found.interval is None:
         return f"no interval: {found.reason}"
-    word = "within noise" if found.within_noise else "better" if found.interval[1] < 0.0 else "worse"
-    return f"{word}, few images" if found.few else word
+    return found.word
 
 
 def _mean(values: Iterable[float]) -> float:

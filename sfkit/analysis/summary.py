@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sfkit.analysis.bootstrap import Difference
 from sfkit.analysis.labels import score_text
+from sfkit.analysis.paired import Difference
 from sfkit.analysis.study import BASE, Study
 from sfkit.baselines import BaselineResult
 
@@ -66,14 +66,14 @@ def _how_sure(study: Study) -> Iterator[str]:
     if against:
         said = "; ".join(_plainly(difference) for difference in against)
         known = any(difference.interval is not None for difference in against)
-        how = " (95 % intervals by paired bootstrap; the unit is the image)" if known else ""
+        how = " (95 % intervals over images and, where a method draws, over its seeds)" if known else ""
         yield f"There it is {said}{how}."
     row = study.comparison.row(study.result.label)
     if row.spread is not None:
         yield f"With other seeds that mean is another: {row.spread}."
     gap, before = study.comparison.row(study.reference).gap, study.comparison.row(BASE).gap
     if math.isfinite(gap) and math.isfinite(before):
-        unit = _points(study.comparison.unit)
+        unit = "points" if study.comparison.unit == "%" else study.comparison.unit
         yield (
             f"From validation to the unseen benchmarks the mean changes by {gap:+.1f} {unit} for "
             f"{study.reference} and by {before:+.1f} {unit} for the base."
@@ -85,20 +85,14 @@ def _known(study: Study, name: str) -> bool:
 
 
 def _plainly(difference: Difference) -> str:
-    unit = _points(difference.unit)
+    unit = difference.points
     if difference.interval is None:
         word = "worse" if difference.value > 0 else "better"
         why = f"no interval: {difference.reason}"
         return f"{abs(difference.value):.2f} {unit} {word} than {difference.reference} ({why})"
     low, high = difference.interval
-    word = "within noise of" if difference.within_noise else "better than" if high < 0 else "worse than"
-    few = f", from only {min(difference.images)} image(s) a benchmark" if difference.few else ""
-    return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f}{few})"
-
-
-def _points(unit: str) -> str:
-    """A difference of percentages is in points."""
-    return "points" if unit == "%" else unit
+    word = "within noise of" if difference.within_noise else f"{difference.word} than"
+    return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f})"
 
 
 def _others(study: Study) -> Iterator[str]:
@@ -109,9 +103,7 @@ def _others(study: Study) -> Iterator[str]:
         found = row.difference
         if row.network == study.reference or found is None or found.interval is None:
             continue
-        low, _ = found.interval
-        word = "within noise" if found.within_noise else "worse" if low > 0 else "better"
-        groups[word].append(row.network + (" (which saw the test)" if row.network in oracles else ""))
+        groups[found.word].append(row.network + (" (which saw the test)" if row.network in oracles else ""))
     parts = [f"{word}: {', '.join(names)}" for word, names in groups.items() if names]
     if parts:
         yield f"Against {study.reference} on the unseen benchmarks, {'; '.join(parts)}."

@@ -9,8 +9,8 @@ from html import escape
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.bootstrap import Difference
 from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
+from sfkit.analysis.paired import Difference
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 ROW = 22

@@ -6,8 +6,8 @@ from html import escape
 
 import plotly.graph_objects as go
 
-from sfkit.analysis.bootstrap import Difference
 from sfkit.analysis.comparisons import NetworkComparison
+from sfkit.analysis.paired import Difference
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 ROW = 26
@@ -37,7 +37,7 @@ def comparison_figure(
         ("no interval", "x", look.muted),
     )
     for name, symbol, colour in groups:
-        rows = [(network, d) for network, d in found if _verdict(d) == name and d.value == d.value]
+        rows = [(network, d) for network, d in found if d.word == name and d.value == d.value]
         if not rows:
             continue
         intervals = [d.interval or (d.value, d.value) for _, d in rows]
@@ -79,16 +79,8 @@ def comparison_figure(
     )
 
 
-def _verdict(difference: Difference) -> str:
-    if difference.interval is None:
-        return "no interval"
-    if difference.within_noise:
-        return "within noise"
-    return "better" if difference.interval[1] < 0.0 else "worse"
-
-
 def _answer(found: list[Difference]) -> str:
-    counts = {name: sum(_verdict(d) == name for d in found) for name in ("better", "worse", "within noise")}
+    counts = {name: sum(d.word == name for d in found) for name in ("better", "worse", "within noise")}
     level = f"{100 * found[0].level:.0f} %" if found else "95 %"
     said = ", ".join(f"{number} {name}" for name, number in counts.items() if number) or "none can be told"
     return f"{said}; further left is better; whiskers: {level} intervals over images"

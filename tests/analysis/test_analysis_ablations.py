@@ -103,7 +103,7 @@ def test_a_subset_is_carried_to_a_pool_of_other_networks(experiment: Experiment,
     assert table["overlap"].tolist() == pytest.approx([1, 1 / 3, 1, 1 / 3])
     sentences = table["reused"].tolist()
     assert sentences[0] == sentences[2] == ""
-    assert sentences[1].endswith("no interval: six has one image")
+    assert sentences[1].endswith("no interval: six has 1 image, an interval needs 5")
     evaluations = table["evaluations"].unstack()
     assert (evaluations["own search"] > 20).all()  # both stages; a reused subset needs Stage 2 alone
     assert evaluations.loc["flat", "found on doubled"] <= 20

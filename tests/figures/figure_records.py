@@ -169,7 +169,7 @@ def compared() -> NetworkComparison:
         Measured("test <b>", "all-valid", "pairs", "bad-3.0", False, test),
         Measured("other", "all-valid", "pairs", "bad-3.0", False, {n: e[:1] for n, e in test.items()}),
     ]
-    return compare_networks(measured, "base", np.random.default_rng(0))
+    return compare_networks(measured, "base")
 
 
 def curves() -> tuple[InterpolationCurve, ...]:

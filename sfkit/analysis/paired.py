@@ -1,0 +1,236 @@
+"""Is a difference more than noise? Differences of scores, each with its interval over images and seeds.
+
+How an interval is computed and what it counts stands in :mod:`sfkit.analysis.intervals`.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, RunsOnImages, holm, paired_estimate
+from sfkit.analysis.measured import Measured
+from sfkit.datasets.metric import Metric
+from sfkit.errors import InputError
+
+Names = str | Sequence[str]
+"""One network, or several whose scores are averaged, such as a method's runs from several seeds."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How much a network's score differs from another's; negative is better than the reference.
+
+    Attributes:
+        network: the network's name.
+        reference: what it is compared with.
+        benchmarks: over which benchmarks' mean.
+        images: how many images each of these has; they are the unit of all intervals.
+        unit: ``%`` (percentage points) or ``px``.
+        value: score minus reference score; NaN where one of them failed.
+        interval: lowest and highest of the confidence interval; None where none exists.
+        level: the interval's coverage, such as 0.95.
+        reason: why there is no interval; empty where there is one.
+        p: p-value of no difference, corrected (Holm) where it is one of several; NaN without an interval.
+        family: how many differences of one table it was corrected with.
+    """
+
+    network: str
+    reference: str
+    benchmarks: tuple[str, ...]
+    images: tuple[int, ...]
+    unit: str
+    value: float
+    interval: tuple[float, float] | None
+    level: float = LEVEL
+    reason: str = ""
+    p: float = math.nan
+    family: int = 1
+
+    @property
+    def within_noise(self) -> bool | None:
+        """Whether no difference is shown, among all of its family; None where there is no interval."""
+        if self.interval is None:
+            return None
+        if math.isnan(self.p):
+            return self.interval[0] <= 0.0 <= self.interval[1]
+        return self.p >= 1.0 - self.level
+
+    @property
+    def word(self) -> str:
+        """``better``, ``worse``, ``within noise`` or ``no interval``."""
+        if self.interval is None:
+            return "no interval"
+        return "within noise" if self.within_noise else "better" if self.value < 0.0 else "worse"
+
+    @property
+    def points(self) -> str:
+        """The unit of the difference: a difference of percentages is in points."""
+        return "points" if self.unit == "%" else self.unit
+
+    def __str__(self) -> str:
+        """A plain sentence, such as ``within noise of uniform: -0.1 [-0.4, 0.3] points``."""
+        against = f"{self.value:+.2f} {self.points} against {self.reference}"
+        if self.interval is None:
+            return f"at {against}, no interval: {self.reason}"
+        low, high = self.interval
+        word = f"{self.word} {'of' if self.within_noise else 'than'}"
+        # An interval of one difference can leave 0 out where many were compared.
+        many = f" (one of {self.family} comparisons)" if self.within_noise and not low <= 0.0 <= high else ""
+        reach = f"{self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.points}"
+        return f"{word} {self.reference}: {reach}{many}"
+
+
+@dataclass(frozen=True)
+class Spread:
+    """One number found from several seeds.
+
+    Attributes:
+        values: one a seed, in order.
+    """
+
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not self.values:
+            raise InputError("spread: found no value, expected one for each seed")
+
+    @property
+    def mean(self) -> float:
+        """The mean; not finite where a run has no score."""
+        return math.fsum(self.values) / len(self.values)
+
+    @property
+    def deviation(self) -> float:
+        """The standard deviation between seeds (divided by n - 1); NaN for a single seed."""
+        return statistics.stdev(self.values) if len(self.values) > 1 else math.nan
+
+    def __str__(self) -> str:
+        if len(self.values) == 1:
+            return f"{self.mean:.2f} from one seed"
+        low, high = min(self.values), max(self.values)
+        count = len(self.values)
+        return f"{self.mean:.2f} ± {self.deviation:.2f} over {count} seeds ({low:.2f} to {high:.2f})"
+
+
+def paired_difference(
+    measured: Measured | Sequence[Measured],
+    network: Names,
+    reference: Names,
+    *,
+    metric: str | None = None,
+    level: float = LEVEL,
+    named: tuple[str, str] | None = None,
+) -> Difference:
+    """A network against a reference on one benchmark or the mean of several, with its interval.
+
+    Both are compared on the same images. A side of several runs is a method that draws at random: the
+    spread of its runs belongs to the interval then. Under five images there is no interval.
+
+    Args:
+        measured: from :func:`~sfkit.analysis.measured.measure_recipes`; means weigh each benchmark alike.
+        network: its name; or several whose scores are averaged, such as a method's seeds.
+        reference: likewise.
+        metric: each benchmark's own unless given.
+        level: the interval's coverage.
+        named: what to call both sides; needed where one is several networks.
+
+    Raises:
+        InputError: an unknown name or metric, metrics of different units, or no benchmark.
+    """
+    several = (measured,) if isinstance(measured, Measured) else tuple(measured)
+    if not several or len({one.benchmark for one in several}) != len(several):
+        listed = [one.benchmark for one in several]
+        raise InputError(f"difference: found the benchmarks {listed}, expected at least one and each once")
+    unit = common_unit(several, metric)
+    sides = [_listed(network), _listed(reference)]
+    one_side, other_side = named or (_named(network), _named(reference))
+    benchmarks = tuple(one.benchmark for one in several)
+    images = tuple(len(one.ids) for one in several)
+    scores = [[[one.score(run, metric=metric) for run in side] for one in several] for side in sides]
+    ours, theirs = (math.fsum(map(_mean, rows)) / len(rows) for rows in scores)
+    value = 0.0 if ours == theirs else ours - theirs
+    found = Difference(one_side, other_side, benchmarks, images, unit, value, None, level)
+    if reason := _reason(several, scores):
+        return replace(found, reason=reason)
+    pairs = [tuple(_runs(one, side, metric) for side in sides) for one in several]
+    estimate = paired_estimate([(one, other) for one, other in pairs])
+    return replace(found, interval=estimate.interval(level), p=estimate.p)
+
+
+def corrected(differences: Sequence[Difference]) -> tuple[Difference, ...]:
+    """Differences of one table, so that all that are shown are wrong together at most once in 20 tables.
+
+    See :func:`~sfkit.analysis.intervals.holm`; values and intervals stay what they are.
+    """
+    family = sum(not math.isnan(one.p) for one in differences)
+    adjusted = holm([one.p for one in differences])
+    return tuple(
+        one if math.isnan(p) else replace(one, p=p, family=family)
+        for one, p in zip(differences, adjusted, strict=True)
+    )
+
+
+def seed_spread(
+    measured: Measured | Sequence[Measured], runs: Sequence[str], *, metric: str | None = None
+) -> Spread:
+    """The spread of the mean score over benchmarks between runs of one method from several seeds.
+
+    Raises:
+        InputError: no run, an unknown network, or metrics of different units.
+    """
+    several = (measured,) if isinstance(measured, Measured) else tuple(measured)
+    common_unit(several, metric)
+    scores = [[one.score(run, metric=metric) for one in several] for run in runs]
+    return Spread(tuple(math.fsum(row) / len(row) for row in scores))
+
+
+def common_unit(measured: Sequence[Measured], metric: str | None) -> str:
+    """The unit in which scores of several benchmarks can be averaged.
+
+    Raises:
+        InputError: percent and pixels stand side by side, or no benchmark.
+    """
+    units: Mapping[str, str] = {Metric.parse(metric or one.metric).unit: one.benchmark for one in measured}
+    if len(units) != 1:
+        raise InputError(
+            f"benchmarks {', '.join(one.benchmark for one in measured)}: found metrics in "
+            f"{' and '.join(units) or 'no unit'}, expected one unit for a mean: name one metric for all"
+        )
+    return next(iter(units))
+
+
+def _reason(several: Sequence[Measured], scores: Sequence[Sequence[Sequence[float]]]) -> str:
+    """Why there is no interval; empty where there is one."""
+    for place, one in enumerate(several):
+        values = [score for side in scores for score in side[place]]
+        if any(math.isnan(score) for score in values):
+            return f"a network failed on {one.benchmark}"
+        if not all(map(math.isfinite, values)):
+            return f"a prediction on {one.benchmark} is not finite"
+    for one in several:
+        count = len(one.ids)
+        if count < FEWEST_IMAGES:
+            return f"{one.benchmark} has {count} image{'s' * (count != 1)}, an interval needs {FEWEST_IMAGES}"
+    return ""
+
+
+def _runs(one: Measured, names: Sequence[str], metric: str | None) -> RunsOnImages:
+    terms = [one.terms(name, metric=metric) for name in names]
+    return RunsOnImages.of_terms(np.stack([above for above, _ in terms]), terms[0][1])
+
+
+def _listed(names: Names) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)
+
+
+def _named(names: Names) -> str:
+    return names if isinstance(names, str) else f"mean of {len(names)} runs"
