@@ -21,6 +21,8 @@ class Stream(IntEnum):
     ROUTING_SEARCH = 2
     HOLDOUT = 3
     RANDOM_SUBSETS = 3
+    TRAINING_ORDER = 40
+    TRAINING_CHANGES = 41
 
 
 def generator(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:

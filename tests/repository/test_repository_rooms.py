@@ -22,6 +22,7 @@ ROOMS = (
     "datasets",
     "merging",
     "evaluation",
+    "training",
     "search",
     "published",
     "baselines",

@@ -2,5 +2,6 @@
 
 from sfkit.architectures.anynet.aggregation import Route
 from sfkit.architectures.anynet.network import AnyNet, SlimAnyNet, Trace
+from sfkit.architectures.anynet.wide import WideAnyNet
 
-__all__ = ["AnyNet", "Route", "SlimAnyNet", "Trace"]
+__all__ = ["AnyNet", "Route", "SlimAnyNet", "Trace", "WideAnyNet"]

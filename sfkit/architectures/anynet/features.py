@@ -30,11 +30,11 @@ class FeatureExtractor(nn.Module):
         super().__init__()
         quarter, eighth, sixteenth = 2 * WIDTH, 4 * WIDTH, 8 * WIDTH
         self.block0 = nn.Sequential(
-            nn.Sequential(nn.Conv2d(3, WIDTH, 3, padding=1), _unit(WIDTH, WIDTH, stride=2)),
+            nn.Sequential(nn.Conv2d(3, WIDTH, 3, padding=1), unit(WIDTH, WIDTH, stride=2)),
             _down(WIDTH, quarter),
         )
         self.blocks = nn.ModuleList([_down(quarter, eighth), _down(eighth, sixteenth)])
-        self.upblocks = nn.ModuleList([_Up(eighth + sixteenth, eighth), _Up(quarter + eighth, quarter)])
+        self.upblocks = nn.ModuleList([Up(eighth + sixteenth, eighth), Up(quarter + eighth, quarter)])
 
     def forward(self, image: torch.Tensor) -> Features:
         # With one output channel the first convolution is up to twice as fast on this layout.
@@ -45,19 +45,19 @@ class FeatureExtractor(nn.Module):
         return Features(sixteenth, eighth, self.upblocks[1](quarter, eighth))
 
 
-class _Up(nn.Module):
+class Up(nn.Module):
     """A fine map and the map one level coarser -> a fine map that has seen both."""
 
     def __init__(self, channels_in: int, channels_out: int) -> None:
         super().__init__()
-        self.conv = nn.Sequential(_unit(channels_in, channels_out), _unit(channels_out, channels_out))
+        self.conv = nn.Sequential(unit(channels_in, channels_out), unit(channels_out, channels_out))
 
     def forward(self, fine: torch.Tensor, coarse: torch.Tensor) -> torch.Tensor:
         raised = F.interpolate(coarse, scale_factor=2, mode="bilinear", align_corners=True)
         return self.conv(torch.cat([fine, raised], dim=1))  # type: ignore[no-any-return]  # modules are untyped
 
 
-def _unit(channels_in: int, channels_out: int, stride: int = 1) -> nn.Sequential:
+def unit(channels_in: int, channels_out: int, stride: int = 1) -> nn.Sequential:
     """Batch norm and ReLU come before the convolution, so that its output keeps its sign."""
     return nn.Sequential(
         nn.BatchNorm2d(channels_in),
@@ -67,4 +67,4 @@ def _unit(channels_in: int, channels_out: int, stride: int = 1) -> nn.Sequential
 
 
 def _down(channels_in: int, channels_out: int) -> nn.Sequential:
-    return nn.Sequential(nn.MaxPool2d(2), _unit(channels_in, channels_out), _unit(channels_out, channels_out))
+    return nn.Sequential(nn.MaxPool2d(2), unit(channels_in, channels_out), unit(channels_out, channels_out))

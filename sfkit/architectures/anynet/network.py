@@ -82,10 +82,10 @@ class AnyNet(nn.Module):
         super().__init__()
         self.ranges = _checked_ranges(ranges)
         self.align_corners = _checked_switch("align_corners", align_corners)
-        self.feature_extraction = FeatureExtractor()
+        self.feature_extraction: nn.Module = FeatureExtractor()
         self.volume_postprocess = nn.ModuleList([VolumeStack(width) for width in self.stack_widths])
         self.refine_spn = spatial_propagation() if _checked_switch("spn", spn) else None
-        self.apply(_initialise)
+        self.apply(self.initialise)
 
     def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
         """Positive disparity (B, H, W) of the left image in pixels, from the last stage.
@@ -118,6 +118,14 @@ class AnyNet(nn.Module):
         if self.refine_spn is not None:
             disparities.append(refine(self.refine_spn, left, disparities[-1]))
         return Trace(tuple(low), tuple(disparities), tuple(costs))
+
+    @staticmethod
+    def initialise(module: nn.Module) -> None:
+        """Draw a convolution's weights from torch's random state, as the published training does."""
+        if isinstance(module, nn.Conv2d | nn.Conv3d):
+            nn.init.normal_(
+                module.weight, std=math.sqrt(2 / (math.prod(module.kernel_size) * module.out_channels))
+            )
 
     def use_route(self, route: Route) -> None:
         """Compute the 3-D convolutions by ``route`` from now on; results agree within rounding."""
@@ -163,13 +171,6 @@ class SlimAnyNet(AnyNet):
 
 def _resize(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
     return F.interpolate(maps[:, None], size=size, mode="bilinear", align_corners=False)[:, 0]
-
-
-def _initialise(module: nn.Module) -> None:
-    if isinstance(module, nn.Conv2d | nn.Conv3d):
-        nn.init.normal_(
-            module.weight, std=math.sqrt(2 / (math.prod(module.kernel_size) * module.out_channels))
-        )
 
 
 def _checked_ranges(ranges: Sequence[int]) -> tuple[int, int, int]:

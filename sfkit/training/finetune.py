@@ -1,0 +1,259 @@
+"""Fine-tune a base on one training set and write the source, one file that says how it was made."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import torch
+import torch.distributed as dist
+from torch import nn
+
+from sfkit.architectures import Architecture, architecture
+from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
+from sfkit.checkpoints.layouts import Layout
+from sfkit.checkpoints.reading import read_checkpoint
+from sfkit.checkpoints.writing import FileForm, check_target, write_checkpoint
+from sfkit.datasets.benchmark_record import Benchmark
+from sfkit.datasets.training_set import TrainingSet
+from sfkit.errors import InputError
+from sfkit.files import write_text
+from sfkit.merging.network import load_network
+from sfkit.training.loop import Course, Listener, Task, train
+from sfkit.training.objectives import recipe_of
+from sfkit.training.scoring import scorer_of
+from sfkit.training.settings import TrainingSettings
+
+KEY = "sfkit.training"
+COLUMNS = ("step", "loss", "gradient_norm", "rate")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A source that was trained: its file, and what it cost.
+
+    Attributes:
+        path: the checkpoint.
+        steps: how many the training had.
+        samples: pairs seen, with repetition.
+        loss: mean over the last 50 steps.
+        seconds: on the clock, over all sittings.
+        cpu_seconds: of this process.
+        scores: the validation metric by step.
+        broken: pairs that could not be read, and why.
+    """
+
+    path: Path
+    steps: int
+    samples: int
+    loss: float
+    seconds: float
+    cpu_seconds: float
+    scores: Mapping[int, float]
+    broken: Mapping[str, str]
+
+
+def finetune(
+    base: str | Path | None,
+    data: TrainingSet,
+    out: str | Path,
+    *,
+    name: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    settings: TrainingSettings | None = None,
+    validation: Benchmark | None = None,
+    device: str = "cpu",
+    licence: str = "",
+    form: FileForm = FileForm.SAFETENSORS,
+    overwrite: bool = False,
+    listen: Listener | None = None,
+) -> Source:
+    """Train ``base`` on ``data`` and write the network to ``out``, in the key names of the base's file.
+
+    Stopped at any moment and called again with the same arguments it goes on from its last saved state and
+    ends with the same file, bit for bit on one kind of device. States, ``training.csv`` and ``training.json``
+    lie in a folder beside ``out``; the states go when the file is there.
+
+    Args:
+        base: the checkpoint; None starts from weights drawn from the seed, to make a base.
+        data: see :func:`sfkit.datasets.open_training_set`.
+        out: the file to write.
+        name: the architecture, for a base that does not say it.
+        options: the architecture's options.
+        settings: see :class:`~sfkit.training.settings.TrainingSettings`.
+        validation: scored at every saved state; it guides nothing.
+        device: where forward and backward passes run.
+        licence: of the source's weights, kept in the file; the data set's own unless given.
+        form: safetensors, or a torch file in the base's layout.
+        overwrite: whether an existing ``out`` may be replaced.
+        listen: hears every step.
+
+    Raises:
+        InputError: files, settings or states that cannot be used, or too many pairs that cannot be read.
+        SfkitError: the loss is no longer finite.
+    """
+    settings = settings or TrainingSettings()
+    out = check_target(out, form, overwrite=overwrite)
+    entry, chosen, network, layout, origin = _start(base, name, options or {}, settings)
+    recipe = recipe_of(entry.name, network)
+    for key, parameter in network.named_parameters():
+        parameter.requires_grad_(not entry.is_frozen(key))
+    rate, limit = settings.rate or recipe.rate, settings.limit or recipe.limit
+    made = {
+        "architecture": {"name": entry.name, "version": entry.version, "options": dict(chosen)},
+        "base": origin,
+        "data": data.describe(),
+        "settings": settings.describe(),
+        "rate": rate,
+        "limit": limit,
+        "steps": settings.steps(len(data)),
+        "samples": settings.steps(len(data)) * settings.batch,
+        "licence": licence or data.licence,
+        "versions": {"sfkit": version("sfkit"), "torch": torch.__version__},
+    }
+    folder = training_folder(out)
+    task = Task(
+        network=network,
+        inputs=entry.inputs(chosen),
+        objective=recipe.objective,
+        groups=recipe.groups(network, rate, settings.weight_decay),
+        limit=limit,
+        pairs=data.pairs,
+        settings=settings,
+        folder=folder,
+        identity=hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest(),
+        device=torch.device(device),
+    )
+    score = None if validation is None else scorer_of(validation, task.inputs, task.device)
+    course = train(task, _recording(folder, listen), score)
+    result = _result(out, course, settings)
+    if not dist.is_initialized() or dist.get_rank() == 0:
+        _finish(folder, course, made, result)
+        metadata = {KEY: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True)}
+        write_checkpoint(
+            out, network.state_dict(), layout=layout, metadata=metadata, form=form, overwrite=overwrite
+        )
+        _drop_states(folder)
+    return result
+
+
+def training_folder(out: Path) -> Path:
+    """Where a training keeps its states and its curve."""
+    return out.with_name(f"{out.stem}.training")
+
+
+def read_training(path: str | Path) -> dict[str, Any] | None:
+    """How a source was trained, as its file says; None where it does not.
+
+    Raises:
+        InputError: the file cannot be read, or its metadata was edited.
+    """
+    text = read_checkpoint(path).metadata.get(KEY)
+    if text is None:
+        return None
+    try:
+        values = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: its {KEY} entry is no JSON ({error}), was it edited?") from error
+    if not isinstance(values, dict):
+        raise InputError(f"{path}: its {KEY} entry is {type(values).__name__}, expected an object")
+    return values
+
+
+def _start(
+    base: str | Path | None, name: str | None, options: Mapping[str, Any], settings: TrainingSettings
+) -> tuple[Architecture, Mapping[str, Any], nn.Module, Layout, dict[str, str]]:
+    """Registry entry, options, network, layout of the file to write, and what the base was."""
+    if base is None:
+        if name is None:
+            raise InputError(
+                "base and name are missing, expected a checkpoint, or an architecture to begin from"
+            )
+        entry = architecture(name)
+        chosen = entry.resolve(options)
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(settings.seed)
+            return (
+                entry,
+                chosen,
+                entry.build(**chosen),
+                Layout(),
+                {"file": "", "fingerprint": "", "licence": ""},
+            )
+    path = Path(base)
+    said = read_training(path)
+    if name is None and said is not None:
+        name, options = said["architecture"]["name"], {**said["architecture"]["options"], **options}
+    loaded = load_network(path, name=name, options=options)
+    entry = architecture(loaded.name)
+    file = read_checkpoint(path)
+    identity = fingerprint({key: tensor_digest(tensor) for key, tensor in file.tensors.items()})
+    renamed = entry.rename(file.tensors) if entry.rename else {}
+    layout = Layout(
+        file.layout.container,
+        file.layout.prefix,
+        {own: found for found, own in renamed.items()},
+        file.layout.beside,
+    )
+    origin = {"file": path.name, "fingerprint": identity, "licence": str((said or {}).get("licence", ""))}
+    return entry, entry.resolve(options, near=path), loaded.network, layout, origin
+
+
+def _recording(folder: Path, listen: Listener | None) -> Listener:
+    """Keep ``training.csv`` beside the states, so that a running training can be watched."""
+    written = 0
+
+    def hear(course: Course) -> None:
+        nonlocal written
+        if course.done - written >= 50 or course.done == course.steps:
+            written = course.done
+            write_curve(folder, course)
+        if listen is not None:
+            listen(course)
+
+    return hear
+
+
+def write_curve(folder: Path, course: Course) -> None:
+    """Write ``training.csv``: a row a step, with the validation metric where one was taken."""
+    scores = {int(step): score for step, score, *_ in course.scores}
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*COLUMNS, "validation"])
+    for step, *numbers in course.curve:
+        writer.writerow([int(step), *numbers, scores.get(int(step), "")])
+    write_text(folder / "training.csv", text.getvalue())
+
+
+def _finish(folder: Path, course: Course, made: Mapping[str, Any], result: Source) -> None:
+    write_curve(folder, course)
+    cost = {"seconds": round(result.seconds, 1), "cpu_seconds": round(result.cpu_seconds, 1)}
+    record = {**made, **cost, "loss": result.loss, "broken": dict(course.broken)}
+    write_text(folder / "training.json", json.dumps(record, indent=2, sort_keys=True) + "\n")
+
+
+def _result(out: Path, course: Course, settings: TrainingSettings) -> Source:
+    last = [row[1] for row in course.curve[-50:]]
+    return Source(
+        path=out,
+        steps=course.done,
+        samples=course.done * settings.batch,
+        loss=sum(last) / len(last),
+        seconds=course.seconds,
+        cpu_seconds=course.cpu_seconds,
+        scores={int(step): score for step, score, *_ in course.scores},
+        broken=course.broken,
+    )
+
+
+def _drop_states(folder: Path) -> None:
+    for path in folder.glob("state-*.pt"):
+        path.unlink()
+

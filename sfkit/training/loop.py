@@ -1,0 +1,232 @@
+"""The training loop: network, optimiser and step count are its whole state."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import torch
+import torch.distributed as dist
+from torch import nn
+from torch.nn.parallel import DistributedDataParallel
+
+from sfkit.architectures import InputConvention
+from sfkit.datasets.pairs import Pair
+from sfkit.errors import InputError, SfkitError
+from sfkit.training.batches import Batches, Tensors, stacked
+from sfkit.training.objectives import Groups, Objective
+from sfkit.training.schedule import one_cycle
+from sfkit.training.settings import Precision, TrainingSettings
+from sfkit.training.state import last_state, save_state
+
+BatchNorm = (nn.BatchNorm1d, nn.BatchNorm2d, nn.BatchNorm3d, nn.SyncBatchNorm)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step: number (from 1), loss, gradient norm before clipping, rate of the first group."""
+
+    number: int
+    loss: float
+    norm: float
+    rate: float
+
+
+@dataclass
+class Course:
+    """A training on its way: what a listener sees, and what a state file holds beside the weights."""
+
+    steps: int
+    done: int = 0
+    seconds: float = 0.0
+    cpu_seconds: float = 0.0
+    curve: list[list[float]] = field(default_factory=list)
+    scores: list[list[float]] = field(default_factory=list)
+    broken: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def last(self) -> Step:
+        """The step taken last."""
+        number, *rest = self.curve[-1]
+        return Step(int(number), *rest)
+
+
+Listener = Callable[[Course], None]
+Score = Callable[[nn.Module], Sequence[float]]
+
+
+class _Terms(nn.Module):
+    """Network and objective as one module, because DDP wraps a forward call."""
+
+    def __init__(self, network: nn.Module, objective: Objective) -> None:
+        super().__init__()
+        self.network, self.objective = network, objective
+
+    def forward(self, left: torch.Tensor, right: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+        return self.objective.sums(self.network, left, right, truth)
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that a training is made of; ``identity`` names it in its state files."""
+
+    network: nn.Module
+    inputs: InputConvention
+    objective: Objective
+    groups: Groups
+    limit: float
+    pairs: Sequence[Pair]
+    settings: TrainingSettings
+    folder: Path
+    identity: str
+    device: torch.device = field(default_factory=lambda: torch.device("cpu"))
+
+
+def train(task: Task, listen: Listener | None = None, score: Score | None = None) -> Course:
+    """Run a training to its end, from its last saved state if there is one; the network is trained in place.
+
+    ``listen`` hears every step, ``score`` is asked at every saved state, both on the first process alone.
+    Under torchrun every process calls this with the same task.
+
+    Raises:
+        InputError: the state is another training's, or too many pairs cannot be read.
+        SfkitError: the loss is no longer finite.
+    """
+    return _Run(task, listen, score).run()
+
+
+class _Run:
+    def __init__(self, task: Task, listen: Listener | None, score: Score | None) -> None:
+        self.task, self.listen, self.score = task, listen, score
+        self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
+        settings = task.settings
+        if settings.batch % self.world:
+            raise InputError(f"batch is {settings.batch}, expected a multiple of the {self.world} processes")
+        self.network = task.network.to(task.device)
+        self.optimiser = torch.optim.AdamW(task.groups)
+        self.peaks = [group["lr"] for group in task.groups]
+        self.course = Course(settings.steps(len(task.pairs)))
+        self._resume()
+        terms = _Terms(self.network, task.objective)
+        self.terms: nn.Module = DistributedDataParallel(terms) if self.world > 1 else terms
+        self.batches = Batches(task.pairs, settings, task.inputs.multiple, rank=self.rank, world=self.world)
+
+    def run(self) -> Course:
+        course, settings = self.course, self.task.settings
+        self._train_mode()
+        wall, cpu = time.perf_counter(), time.process_time()
+        for read in self.batches.steps(course.done, course.steps):
+            self._count_broken(read.broken)
+            loss, norm = self._step(read.examples)
+            rate = self.optimiser.param_groups[0]["lr"]
+            course.done += 1
+            course.curve.append([course.done, loss, norm, rate])
+            now, now_cpu = time.perf_counter(), time.process_time()
+            course.seconds, wall = course.seconds + now - wall, now
+            course.cpu_seconds, cpu = course.cpu_seconds + now_cpu - cpu, now_cpu
+            if course.done % settings.save_every == 0 or course.done == course.steps:
+                self._score_and_save()
+                wall, cpu = time.perf_counter(), time.process_time()
+            if self.listen is not None and self.rank == 0:
+                self.listen(course)
+        self.network.eval()
+        return course
+
+    def _step(self, examples: Sequence[Any]) -> tuple[float, float]:
+        task, settings = self.task, self.task.settings
+        for group, peak in zip(self.optimiser.param_groups, self.peaks, strict=True):
+            group["lr"] = one_cycle(self.course.done, self.course.steps, peak, settings.warm_up)
+        size = settings.micro_batch or len(examples)
+        parts = stacked(examples, task.inputs, task.limit, size, task.device)
+        counts = torch.stack([task.objective.counts(part.truth) for part in parts]).sum(dim=0)
+        if self.world > 1:
+            dist.all_reduce(counts)
+        self.optimiser.zero_grad()
+        total = torch.zeros((), dtype=torch.float64, device=task.device)
+        for number, part in enumerate(parts, start=1):
+            with self._unsynchronised(last=number == len(parts)):
+                total += self._backward(part, counts)
+        if self.world > 1:
+            dist.all_reduce(total)
+        loss = float(total)
+        norm = nn.utils.clip_grad_norm_(self._parameters(), settings.clip or math.inf)
+        if not (math.isfinite(loss) and bool(torch.isfinite(norm))):
+            raise SfkitError(
+                f"step {self.course.done + 1}: the loss is {loss} and its gradient's norm {float(norm)}, the "
+                "training has left the rails; begin anew with a lower rate"
+            )
+        self.optimiser.step()
+        return loss, float(norm)
+
+    def _backward(self, part: Tensors, counts: torch.Tensor) -> torch.Tensor:
+        """Add a part's gradient; DDP averages over processes, so what is summed is multiplied first."""
+        low = self.task.settings.precision is Precision.BFLOAT16
+        with torch.autocast(self.task.device.type, torch.bfloat16, enabled=low):
+            sums = self.terms(part.left, part.right, part.truth)
+        loss = (sums / counts.clamp(min=1).to(sums.dtype)).sum()
+        (loss * self.world).backward()
+        return cast(torch.Tensor, loss.detach()).double()
+
+    def _unsynchronised(self, *, last: bool) -> contextlib.AbstractContextManager[None]:
+        if isinstance(self.terms, DistributedDataParallel) and not last:
+            return self.terms.no_sync()
+        return contextlib.nullcontext()
+
+    def _parameters(self) -> list[nn.Parameter]:
+        return [p for group in self.optimiser.param_groups for p in group["params"]]
+
+    def _train_mode(self) -> None:
+        self.network.train()
+        if self.task.settings.freeze_batch_norm:
+            for module in self.network.modules():
+                if isinstance(module, BatchNorm):
+                    module.eval()
+
+    def _count_broken(self, broken: Mapping[str, str]) -> None:
+        if self.world > 1:
+            gathered: list[Mapping[str, str]] = [{} for _ in range(self.world)]
+            dist.all_gather_object(gathered, broken)
+            broken = {name: why for each in gathered for name, why in each.items()}
+        self.course.broken.update(broken)
+        bad, of = len(self.course.broken), len(self.task.pairs)
+        if bad > self.task.settings.broken_share * of:
+            name, why = next(iter(self.course.broken.items()))
+            raise InputError(
+                f"{bad} of {of} pairs cannot be read, more than the share {self.task.settings.broken_share} "
+                f"that may be broken; the first is {name}: {why}"
+            )
+
+    def _score_and_save(self) -> None:
+        if self.rank == 0:
+            if self.score is not None:
+                self.network.eval()
+                self.course.scores.append([self.course.done, *self.score(self.network)])
+                self._train_mode()
+            course = self.course
+            values = {
+                "network": self.network.state_dict(),
+                "optimiser": self.optimiser.state_dict(),
+                "course": {
+                    "seconds": course.seconds,
+                    "cpu_seconds": course.cpu_seconds,
+                    "curve": course.curve,
+                    "scores": course.scores,
+                    "broken": course.broken,
+                },
+            }
+            save_state(self.task.folder, course.done, self.task.identity, values)
+        if self.world > 1:
+            dist.barrier()
+
+    def _resume(self) -> None:
+        state = last_state(self.task.folder, self.task.identity)
+        if state is None:
+            return
+        self.network.load_state_dict(state["network"])
+        self.optimiser.load_state_dict(state["optimiser"])
+        self.course = Course(self.course.steps, int(state["step"]), **state["course"])

@@ -1,0 +1,235 @@
+"""Fine-tuning: what is bit-identical however it is interrupted, and equal however it is divided."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file
+from training_worlds import SETTINGS, tiny_sample, tiny_set
+
+import sfkit
+from sfkit.datasets.pairs import MemoryPair, Sample
+from sfkit.datasets.training_set import TrainingSet
+from sfkit.training import Augmentation, TrainingSettings
+from sfkit.training.finetune import finetune, read_training, training_folder
+from sfkit.training.loop import Course
+
+NAME, OPTIONS = "anynet", {"ranges": [2, 2, 2], "spn": False}
+STEPS = SETTINGS.steps(8)
+# Clipped gradients come near Adam's epsilon on this hardly trained base, which then turns rounding to steps.
+DIVIDED = replace(SETTINGS, clip=0.0, rate=1e-4)
+
+
+class KilledError(Exception):
+    """Stands for the moment at which a process dies."""
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("base") / "base.safetensors"
+    settings = replace(SETTINGS, freeze_batch_norm=False, epochs=2)
+    finetune(None, tiny_set(), path, name=NAME, options=OPTIONS, settings=settings)
+    return path
+
+
+def test_stopping_anywhere_and_resuming_ends_with_the_same_file(base: Path, tmp_path: Path) -> None:
+    whole = finetune(base, tiny_set(), tmp_path / "whole.safetensors", settings=SETTINGS)
+    assert whole.steps == STEPS == 6
+    for stop in (1, 4, 5):
+        out = tmp_path / f"stopped-{stop}.safetensors"
+
+        def die(course: Course, stop: int = stop) -> None:
+            if course.done == stop:
+                raise KilledError
+
+        with pytest.raises(KilledError):
+            finetune(base, tiny_set(), out, settings=SETTINGS, listen=die)
+        assert not out.exists()
+        finetune(base, tiny_set(), out, settings=SETTINGS)
+        assert out.read_bytes() == whole.path.read_bytes()
+        curves = [(training_folder(p) / "training.csv").read_text() for p in (out, whole.path)]
+        assert curves[0] == curves[1]
+
+
+@pytest.mark.slow
+def test_kill_9_at_random_moments_ends_with_the_same_file(base: Path, tmp_path: Path) -> None:
+    whole = finetune(base, tiny_set(), tmp_path / "whole.safetensors", settings=SETTINGS)
+    out, rng, kills = tmp_path / "killed.safetensors", np.random.default_rng(0), 0
+    folder = training_folder(out)
+    for step in rng.permutation(np.repeat(np.arange(1, STEPS), 2))[:10]:
+        process = subprocess.Popen(
+            [sys.executable, __file__, base, out, str(step)], cwd=Path(__file__).parent
+        )
+        process.wait()
+        kills += process.returncode == -9
+        assert len(list(folder.glob("state-*.pt"))) <= 2
+    assert kills
+    finetune(base, tiny_set(), out, settings=SETTINGS, overwrite=True)
+    assert out.read_bytes() == whole.path.read_bytes()
+
+
+def test_reading_ahead_in_threads_changes_nothing(base: Path, tmp_path: Path) -> None:
+    one = finetune(base, tiny_set(), tmp_path / "a.safetensors", settings=SETTINGS)
+    two = finetune(base, tiny_set(), tmp_path / "b.safetensors", settings=replace(SETTINGS, workers=3))
+    assert load_file(one.path).keys() == load_file(two.path).keys()
+    assert one.path.read_bytes() == two.path.read_bytes()
+
+
+def test_micro_batches_add_up_to_the_batch(base: Path, tmp_path: Path) -> None:
+    scanned = [tiny_sample(i) for i in range(8)]
+    for number, sample in enumerate(scanned):  # as many known pixels in none as in another
+        sample.disparity[: 5 * number] = np.nan
+    data = TrainingSet("scanned", tuple(MemoryPair(s.id, s) for s in scanned))
+    whole = finetune(base, data, tmp_path / "a.safetensors", settings=DIVIDED)
+    parts = finetune(base, data, tmp_path / "b.safetensors", settings=replace(DIVIDED, micro_batch=1))
+    assert largest_difference(whole.path, parts.path) < 1e-6
+
+
+def test_two_processes_equal_one(base: Path, tmp_path: Path) -> None:
+    alone = finetune(base, tiny_set(), tmp_path / "one.safetensors", settings=DIVIDED)
+    out = tmp_path / "two.safetensors"
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=0"]
+    command += ["--rdzv-backend=c10d", "--rdzv-endpoint=localhost:0", __file__, str(base), str(out), "0"]
+    done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert largest_difference(alone.path, out) < 1e-6
+
+
+def test_frozen_batch_norm_keeps_the_statistics_of_the_base(base: Path, tmp_path: Path) -> None:
+    before = load_file(base)
+    frozen = load_file(finetune(base, tiny_set(), tmp_path / "a.safetensors", settings=SETTINGS).path)
+    trained = replace(SETTINGS, freeze_batch_norm=False)
+    free = load_file(finetune(base, tiny_set(), tmp_path / "b.safetensors", settings=trained).path)
+    statistics = [key for key in before if key.endswith(("running_mean", "running_var"))]
+    assert statistics
+    assert all(torch.equal(before[key], frozen[key]) for key in statistics)
+    assert not any(torch.equal(before[key], free[key]) for key in statistics)
+
+
+def test_a_source_is_told_how_it_was_made_and_opens_in_a_pool(base: Path, tmp_path: Path) -> None:
+    data = replace(tiny_set(), licence="CC BY 4.0")
+    source = finetune(base, data, tmp_path / "tiny.safetensors", settings=SETTINGS)
+    told = read_training(source.path)
+    assert told is not None
+    assert (told["steps"], told["samples"], told["licence"]) == (6, 24, "CC BY 4.0")
+    assert told["data"]["pairs"] == 8
+    assert told["settings"]["seed"] == 3
+    assert told["architecture"]["options"] == {"ranges": [2, 2, 2], "align_corners": True, "spn": False}
+    record = json.loads((training_folder(source.path) / "training.json").read_text())
+    assert record["cpu_seconds"] > 0
+    spec = tmp_path / "pool.toml"
+    spec.write_text(
+        f'name = "tiny"\narchitecture = "{NAME}"\nroot = "/"\n[options]\nranges = [2, 2, 2]\nspn = false\n'
+        f'[base]\nfile = "{base}"\n[sources.tiny]\nfile = "{source.path}"\n'
+    )
+    pool = sfkit.open_pool(spec)
+    assert pool.names == ("tiny",)
+
+
+def test_a_state_of_another_training_is_refused(base: Path, tmp_path: Path) -> None:
+    out = tmp_path / "a.safetensors"
+
+    def die(course: Course) -> None:
+        if course.done == 3:
+            raise KilledError
+
+    with pytest.raises(KilledError):
+        finetune(base, tiny_set(), out, settings=SETTINGS, listen=die)
+    with pytest.raises(sfkit.InputError, match=r"state-00000002\.pt: is the state of another training"):
+        finetune(base, tiny_set(), out, settings=replace(SETTINGS, rate=2e-3))
+
+
+class BrokenPair(MemoryPair):
+    """A pair whose file cannot be read."""
+
+    def load(self) -> Sample:
+        raise sfkit.InputError(f"{self.id}.png: found a file that ends too early")
+
+
+def test_a_broken_pair_is_named_replaced_and_counted(base: Path, tmp_path: Path) -> None:
+    sound = tiny_set().pairs
+    data = TrainingSet("broken", (*sound[:7], BrokenPair("tiny-7", tiny_sample(7))))
+    few = replace(SETTINGS, broken_share=0.2)
+    source = finetune(base, data, tmp_path / "a.safetensors", settings=few)
+    assert list(source.broken) == ["tiny-7"]
+    told = read_training(source.path)
+    assert told is not None
+    assert told["broken"] == 1
+    with pytest.raises(sfkit.InputError, match=r"1 of 8 pairs cannot be read.*tiny-7"):
+        finetune(base, data, tmp_path / "b.safetensors", settings=SETTINGS)
+
+
+def test_validation_is_scored_as_it_goes(base: Path, tmp_path: Path) -> None:
+    from sfkit.datasets import memory_benchmark
+
+    held = memory_benchmark("held", [tiny_sample(20), tiny_sample(21)], metric="epe")
+    source = finetune(base, tiny_set(), tmp_path / "a.safetensors", settings=SETTINGS, validation=held)
+    assert sorted(source.scores) == [2, 4, 6]
+    network = sfkit.load_network(source.path, name=NAME, options=OPTIONS)
+    off = []
+    for index in (20, 21):
+        sample = tiny_sample(index)
+        pair = network.inputs.prepare(sample.left, sample.right)
+        with torch.inference_mode():
+            found = pair.window.crop(network.network(pair.left, pair.right))[0].numpy()
+        off.append(np.abs(found - sample.disparity).mean())
+    assert source.scores[6] == pytest.approx(np.mean(off), rel=1e-5)
+
+
+def test_training_lowers_the_loss(tmp_path: Path) -> None:
+    settings = TrainingSettings(
+        epochs=30, batch=4, rate=5e-3, augmentation=Augmentation.none(), freeze_batch_norm=False, workers=0
+    )
+    out = tmp_path / "a.safetensors"
+    losses: list[float] = []
+    finetune(
+        None,
+        tiny_set(4),
+        out,
+        name=NAME,
+        options=OPTIONS,
+        settings=settings,
+        listen=lambda course: losses.append(course.last.loss),
+    )
+    assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:5])
+
+
+def largest_difference(first: Path, second: Path) -> float:
+    """Over all tensors of two files."""
+    one, two = load_file(first), load_file(second)
+    return max(float((one[key].double() - two[key].double()).abs().max()) for key in one)
+
+
+def main(base: str, out: str, stop: str) -> None:
+    """Train in a process of its own, under torchrun if it started it; die by signal 9 after ``stop``."""
+    import os
+    import signal
+
+    import torch.distributed as dist
+
+    torch.set_num_threads(1)
+    if "RANK" in os.environ:
+        dist.init_process_group("gloo")
+    taken = 0
+
+    def listen(course: Course) -> None:
+        nonlocal taken
+        taken += 1
+        if taken == int(stop):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    settings = DIVIDED if dist.is_initialized() else SETTINGS
+    finetune(base, tiny_set(), out, settings=settings, listen=listen, overwrite=True)
+    if dist.is_initialized():
+        dist.destroy_process_group()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
