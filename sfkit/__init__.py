@@ -50,10 +50,13 @@ from sfkit.search import (
     SubsetSettings,
     transfer,
 )
+from sfkit.training import Augmentation, TrainingSettings
+from sfkit.training.finetune import finetune
 
 __version__ = version("sfkit")
 
 __all__ = [
+    "Augmentation",
     "Benchmark",
     "Calibration",
     "CombinedScorer",
@@ -85,10 +88,12 @@ __all__ = [
     "StoreError",
     "SubsetSearch",
     "SubsetSettings",
+    "TrainingSettings",
     "Trim",
     "baselines",
     "check_data",
     "estimate",
+    "finetune",
     "load",
     "load_network",
     "open_benchmark",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sfkit.streams import Stream, generator
 
+
 def draw(seed: int, position: int, pairs: int) -> tuple[int, int]:
     """(epoch, index) of the pair at ``position`` of the stream of epochs, each in an order of its own."""
     epoch, within = divmod(position, pairs)

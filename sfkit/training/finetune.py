@@ -25,7 +25,9 @@ from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError
 from sfkit.files import write_text
+from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
+from sfkit.merging.skeleton import skeleton
 from sfkit.training.loop import Course, Listener, Task, train
 from sfkit.training.objectives import recipe_of
 from sfkit.training.scoring import scorer_of
@@ -193,17 +195,11 @@ def _start(
         name, options = said["architecture"]["name"], {**said["architecture"]["options"], **options}
     loaded = load_network(path, name=name, options=options)
     entry = architecture(loaded.name)
-    file = read_checkpoint(path)
+    chosen = entry.resolve(options, near=path)
+    file = PoolOpener(entry, chosen, skeleton(entry, chosen)).read(path, is_base=True)
     identity = fingerprint({key: tensor_digest(tensor) for key, tensor in file.tensors.items()})
-    renamed = entry.rename(file.tensors) if entry.rename else {}
-    layout = Layout(
-        file.layout.container,
-        file.layout.prefix,
-        {own: found for found, own in renamed.items()},
-        file.layout.beside,
-    )
     origin = {"file": path.name, "fingerprint": identity, "licence": str((said or {}).get("licence", ""))}
-    return entry, entry.resolve(options, near=path), loaded.network, layout, origin
+    return entry, chosen, loaded.network, file.layout, origin
 
 
 def _recording(folder: Path, listen: Listener | None) -> Listener:
@@ -256,4 +252,3 @@ def _result(out: Path, course: Course, settings: TrainingSettings) -> Source:
 def _drop_states(folder: Path) -> None:
     for path in folder.glob("state-*.pt"):
         path.unlink()
-
