@@ -24,6 +24,7 @@ from sfkit.datasets.metric import Metric, register_metric
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 from sfkit.evaluation import (
     CombinedScorer,
+    Compute,
     Estimate,
     EvaluationStore,
     Evaluator,
@@ -60,6 +61,7 @@ __all__ = [
     "Benchmark",
     "Calibration",
     "CombinedScorer",
+    "Compute",
     "Constraints",
     "Disparity",
     "Drop",

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines import Worker
 from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.prediction import predict
@@ -86,7 +87,7 @@ class Comparison:
         networks: panel name -> recipe of the pool, or loaded network; at least one.
         benchmark: gives pairs, protocol and metric.
         metrics: scores to show; the benchmark's own unless given.
-        device: where recipes run; a loaded network runs where it is.
+        compute: where and how recipes run, in this process; a loaded network runs where it is.
 
     Raises:
         InputError: no network, a recipe that does not suit the pool, or an unknown metric.
@@ -99,14 +100,14 @@ class Comparison:
         benchmark: Benchmark,
         *,
         metrics: Sequence[str] = (),
-        device: str = "cpu",
+        compute: Compute = HERE,
     ) -> None:
         if not networks:
             raise InputError("recipes: found none, expected name -> recipe of at least one network to show")
         for network in networks.values():
             if isinstance(network, Recipe):
                 pool.canonical(network)
-        self.pool, self.networks, self.benchmark, self.device = pool, dict(networks), benchmark, device
+        self.pool, self.networks, self.benchmark, self.compute = pool, dict(networks), benchmark, compute
         self.metrics = tuple(Metric.parse(name) for name in (metrics or (benchmark.metric,)))
         self._kept: dict[str, DisparityPanels] = {}
 
@@ -128,7 +129,7 @@ class Comparison:
 
     @cached_property
     def _model(self) -> LiveModel:
-        return self.pool.merge(self.pool.base_recipe(), device=self.device)
+        return self.compute.model(self.pool)
 
     def _run(self, pair: str) -> DisparityPanels:
         one = self.benchmark.select([pair])
@@ -168,7 +169,7 @@ def disparity_panels(
     *,
     pair: str | None = None,
     metrics: Sequence[str] = (),
-    device: str = "cpu",
+    compute: Compute = HERE,
 ) -> DisparityPanels:
     """Run recipes on one pair of a benchmark.
 
@@ -178,12 +179,12 @@ def disparity_panels(
         benchmark: gives pair, protocol and metric.
         pair: an id; the first pair unless given.
         metrics: scores to show; the benchmark's own unless given.
-        device: where networks run.
+        compute: where and how recipes run, in this process.
 
     Raises:
         InputError: no recipe, an unknown pair or metric, or a pair that cannot be scored.
     """
-    return Comparison(pool, recipes, benchmark, metrics=metrics, device=device).panels(pair)
+    return Comparison(pool, recipes, benchmark, metrics=metrics, compute=compute).panels(pair)
 
 
 def disparity_limits(truth: Map) -> tuple[float, float]:

@@ -14,8 +14,10 @@ import pandas as pd
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
+from sfkit.evaluation.compute import FIELDS, HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.hand_edits import SeenByHand, seen_by_hand
+from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.separation import check_separation
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.evaluation.table import score_table
@@ -73,7 +75,7 @@ class Experiment:
         generations: T_1 of Stage 1.
         evaluations: N_eval of Stage 2.
         seed: of both stages.
-        device: as for :class:`~sfkit.evaluation.evaluator.Evaluator`.
+        compute: where and how networks run.
     """
 
     pool: Pool
@@ -85,8 +87,8 @@ class Experiment:
     generations: int = 15
     evaluations: int = 300
     seed: int = 0
-    device: str = "cpu"
-    _evaluators: dict[tuple[str, ...], Evaluator] = field(default_factory=dict, repr=False)
+    compute: Compute = HERE
+    _evaluators: dict[tuple[Any, ...], Evaluator] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "reported", tuple(self.reported))
@@ -112,8 +114,11 @@ class Experiment:
         return tuple(dict.fromkeys((*apart.guided, *(seen.benchmark for seen in self.by_hand))))
 
     def changed(self, **fields: Any) -> Experiment:
-        """The same experiment with some fields replaced."""
-        bound = {"pool", "store"} & fields.keys()  # to what an evaluator holds
+        """The same experiment with some fields replaced; those of ``compute`` by name: ``device="cuda"``."""
+        computing = {name: fields.pop(name) for name in FIELDS if name in fields}
+        if computing:
+            fields["compute"] = replace(fields.get("compute", self.compute), **computing)
+        bound = {"pool", "store"} & fields.keys()  # what every evaluator holds, and no key below names
         return replace(self, _evaluators={} if bound else self._evaluators, **fields)
 
     def scorer(
@@ -122,15 +127,17 @@ class Experiment:
         """An evaluator on this store, made once for its arguments; on validation unless given."""
         chosen = self.validation if benchmark is None else benchmark
         wanted = metric or chosen.metric
-        key = (chosen.fingerprint(), chosen.protocol, wanted, *also)
+        asked = (chosen.metric, self.shown, *also)
+        counted = Quantities.of(wanted, *asked)
+        key = (chosen.fingerprint(), chosen.protocol, wanted, counted, self.compute)
         if key not in self._evaluators:
             self._evaluators[key] = Evaluator(
                 self.pool,
                 chosen,
                 store=self.store,
                 metric=wanted,
-                also=(chosen.metric, self.shown, *also),
-                device=self.device,
+                also=asked,
+                compute=self.compute,
             )
         return self._evaluators[key]
 

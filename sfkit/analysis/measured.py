@@ -14,6 +14,7 @@ from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.protocols import rule
 from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.metrics import ImageErrors
 from sfkit.evaluation.store import EvaluationStore
@@ -122,7 +123,7 @@ def measure_recipes(
     also: Sequence[str] = (),
     validation: Sequence[str] = (),
     store: EvaluationStore | None = None,
-    device: str = "cpu",
+    compute: Compute = HERE,
     progress: Progress | None = None,
 ) -> tuple[Measured, ...]:
     """Measure named recipes on benchmarks; what the store holds is not computed again.
@@ -137,7 +138,7 @@ def measure_recipes(
         also: further metrics that will be asked of the same evaluations.
         validation: names of the benchmarks that guided a search.
         store: where evaluations are kept.
-        device: as for :class:`~sfkit.evaluation.evaluator.Evaluator`.
+        compute: where and how networks run.
         progress: hears of each evaluation when it is done.
 
     Raises:
@@ -146,7 +147,7 @@ def measure_recipes(
     for recipe in recipes.values():
         pool.check_recipe(recipe)
     evaluators = [
-        Evaluator(pool, benchmark, store=store, metric=metric, also=also, device=device)
+        Evaluator(pool, benchmark, store=store, metric=metric, also=also, compute=compute)
         for benchmark in benchmarks
     ]
     return measure_with(evaluators, recipes, validation=validation, progress=progress)

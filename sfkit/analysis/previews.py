@@ -17,7 +17,6 @@ from sfkit.datasets.pairs import Sample
 from sfkit.errors import unknown_name
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.store import evaluation_key
-from sfkit.merging.live import LiveModel
 from sfkit.merging.recipe import Recipe
 
 QUICK_SECONDS = 0.06
@@ -62,7 +61,7 @@ class PairPreview:
 
     def __init__(self, evaluator: Evaluator, pair: str | None = None) -> None:
         self.evaluator = evaluator
-        self._model = LiveModel(evaluator.pool, device=evaluator.device)
+        self._model = evaluator.compute.model(evaluator.pool)
         self._busy = threading.Lock()
         self._reduced: dict[int, PreparedPair] = {}
         self.choose(pair or evaluator.benchmark.ids[0])

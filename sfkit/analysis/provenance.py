@@ -24,7 +24,7 @@ def environment(experiment: Experiment) -> pd.DataFrame:
     facts["system"] = f"{platform.system()} {platform.machine()}"
     facts["processors"] = str(os.cpu_count())
     facts["torch threads"] = str(torch.get_num_threads())
-    facts["device"] = experiment.device
+    facts["device"] = experiment.compute.device
     facts[f"base of {pool.name}"] = pool.base.fingerprint[:DIGITS]
     facts |= {f"source {source.name}": source.fingerprint[:DIGITS] for source in pool.sources}
     for benchmark in (experiment.validation, *experiment.reported):

@@ -102,7 +102,7 @@ def region_scores(
     by_region = {region: [_images(e, region) for e in evaluations] for region in REGIONS}
     found = {region: each for region, each in by_region.items() if any(each)}
     if textureless:
-        model = LiveModel(evaluator.pool, device=evaluator.device, mode=evaluator.mode)
+        model = evaluator.compute.model(evaluator.pool)
         worker = Worker(model, evaluator.prepared)
         found[TEXTURELESS] = [
             _textureless(evaluator, recipe, worker, model) if not evaluation.failure else ()

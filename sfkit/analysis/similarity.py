@@ -26,6 +26,7 @@ from sfkit.analysis.features import BlockOutputs, block_modules
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -76,7 +77,7 @@ def data_similarity(
     cue: str,
     *,
     block: str = "backbone",
-    device: str = "cpu",
+    compute: Compute = HERE,
 ) -> DataSimilarity:
     """Compare the data of each source with targets; a few pairs a data set are enough.
 
@@ -86,7 +87,7 @@ def data_similarity(
         targets: benchmarks to be good on; only their images are looked at.
         cue: ``feature``, ``rgb`` or ``disparity``.
         block: whose outputs are the features.
-        device: where the base runs.
+        compute: where and how the base runs, in this process.
 
     Raises:
         InputError: an unknown cue, source or block, a block without an output, or no data.
@@ -98,7 +99,7 @@ def data_similarity(
         raise InputError(
             f"similarity: found data of {len(names)} sources and {len(targets)} targets, expected some"
         )
-    describe = _rgb if cue == "rgb" else _with_network(pool, cue, block, device)
+    describe = _rgb if cue == "rgb" else _with_network(pool, cue, block, compute)
     moments = [_moments(describe, each) for each in (*(sources[name] for name in names), *targets)]
     means, variances = (np.stack(part) for part in zip(*moments, strict=True))
     distances = frechet(means, variances)[: len(names), len(names) :]
@@ -150,8 +151,8 @@ def _rgb(sample: Sample) -> Moments:
     return _over_positions(sample.left.reshape(-1, 3).astype(np.float64))
 
 
-def _with_network(pool: Pool, cue: str, block: str, device: str) -> Callable[[Sample], Moments]:
-    model = pool.merge(pool.base_recipe(), device=device)
+def _with_network(pool: Pool, cue: str, block: str, compute: Compute) -> Callable[[Sample], Moments]:
+    model = compute.model(pool)
     inputs = pool.architecture.inputs(pool.options)
     modules = block_modules(model.network, pool.partition, block) if cue == "feature" else {}
 

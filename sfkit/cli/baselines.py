@@ -43,8 +43,7 @@ from sfkit.cli.validation import (
     scoring,
 )
 from sfkit.errors import InputError
-from sfkit.evaluation import Evaluator
-from sfkit.evaluation.engines import check_engine
+from sfkit.evaluation import Compute, Evaluator
 from sfkit.evaluation.table import write_table
 from sfkit.search import RoutingSettings, SubsetSettings
 
@@ -91,8 +90,7 @@ def baselines(
     SubsetSettings(population=population, generations=generations, seed=seed)
     RoutingSettings(evaluations=evaluations, seed=seed)
     named = None if methods is None else _methods(methods)
-    place = device_of(device)
-    check_engine(engine, workers)
+    compute = Compute(device_of(device), engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
     guides = guides_of(chosen, also, combine)
     if out is not None:
@@ -100,8 +98,7 @@ def baselines(
     if store is not None:
         check_store(store)
     opened = pool_of(pool)
-    options = {"device": place, "engine": engine, "workers": workers}
-    with scoring(opened, guides, combine, store, **options) as (evaluators, scorer):
+    with scoring(opened, guides, combine, store, compute) as (evaluators, scorer):
         run = run_baselines(
             opened,
             scorer,

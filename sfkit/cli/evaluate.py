@@ -39,8 +39,7 @@ from sfkit.cli.options import (
 )
 from sfkit.cli.outputs import check_file, check_store
 from sfkit.errors import InputError
-from sfkit.evaluation import Evaluator
-from sfkit.evaluation.engines import check_engine
+from sfkit.evaluation import Compute, Evaluator
 from sfkit.evaluation.table import score_table, write_table
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.steps import Step
@@ -81,8 +80,7 @@ def evaluate(
       sfkit evaluate pool.toml --members --uniform -b kitti2012 -r ~/KITTI2012 --protocol all-valid
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
-    place = device_of(device)
-    check_engine(engine, workers)
+    compute = Compute(device_of(device), engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
     if out is not None:
         check_file("--out", out, ".csv", force=force)
@@ -99,7 +97,7 @@ def evaluate(
     recipes |= _all_subsets(opened) if all_subsets else {}
     recipes |= {name: choose(opened) for name, choose in asked.items()}
     pools = {recipe.preparation: prepared(name, opened, recipe) for name, recipe in recipes.items()}
-    evaluator = Evaluator(opened, chosen, device=place, engine=engine, workers=workers)
+    evaluator = Evaluator(opened, chosen, compute=compute)
     with store_of(store) as kept, evaluator.with_store(kept) as scorer:
         say(f"engine: {scorer.engine.describe()}")
         scores = _scores(scorer, recipes, pools)

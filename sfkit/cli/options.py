@@ -13,6 +13,7 @@ import typer
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
+from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.preparation import prepared_for
@@ -193,15 +194,7 @@ def device_of(name: str) -> str:
     Raises:
         InputError: it is unknown, or not there.
     """
-    import torch
-
-    kind, colon, number = name.partition(":")
-    if kind not in ("cpu", "cuda") or (colon and not number.isdecimal()) or (kind == "cpu" and colon):
-        raise InputError(f"--device: found {name!r}, expected cpu, cuda or cuda:N")
-    if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
-        raise InputError(
-            f"--device: {name} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
-        )
+    check_device(name, "--device")
     return name
 
 

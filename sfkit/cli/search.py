@@ -47,7 +47,7 @@ from sfkit.cli.validation import (
 )
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
-from sfkit.evaluation.engines import check_engine
+from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.holdout import LEAST
 from sfkit.inspection import recipe_lines
 from sfkit.merging.saving import read_recipe
@@ -137,16 +137,14 @@ def search(
         constraints=Constraints(names(include or ""), names(exclude or ""), largest, names(frozen or "")),
         start=read_recipe(start) if start is not None else None,
     )
-    place = device_of(device)
-    check_engine(engine, workers)
+    compute = Compute(device_of(device), engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
     guides = guides_of(chosen, also, combine)
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)
     opened = pool_of(pool, blocks)
     plan.check(opened)
-    options = {"device": place, "engine": engine, "workers": workers}
-    with scoring(opened, guides, combine, kept_in, **options) as (evaluators, scorer):
+    with scoring(opened, guides, combine, kept_in, compute) as (evaluators, scorer):
         if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
             say(doubt)
         say(f"cost: {cost(opened, evaluators, plan)}")

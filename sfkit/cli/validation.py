@@ -12,7 +12,7 @@ import typer
 from sfkit.cli.options import names, say, store_of
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
-from sfkit.evaluation import CombinedScorer, Evaluator
+from sfkit.evaluation import CombinedScorer, Compute, Evaluator
 from sfkit.merging import Pool
 from sfkit.places import open_benchmarks
 
@@ -43,7 +43,7 @@ def guides_of(first: Benchmark, also: Sequence[str] | None, combine: str) -> tup
 
 @contextmanager
 def scoring(
-    pool: Pool, guides: Sequence[Benchmark], combine: str, store: Path | None, **options: Any
+    pool: Pool, guides: Sequence[Benchmark], combine: str, store: Path | None, compute: Compute
 ) -> Iterator[tuple[list[Evaluator], Evaluator | CombinedScorer]]:
     """An evaluator for each validation benchmark, and what they say together.
 
@@ -52,9 +52,9 @@ def scoring(
         guides: from :func:`guides_of`.
         combine: how several are combined.
         store: the evaluation store's file, opened once all else is in order; None keeps nothing.
-        options: of each evaluator: device, engine, workers.
+        compute: where and how networks run.
     """
-    prepared = [Evaluator(pool, guide, **options) for guide in guides]
+    prepared = [Evaluator(pool, guide, compute=compute) for guide in guides]
     with store_of(store) as kept, ExitStack() as stack:
         evaluators = [stack.enter_context(one.with_store(kept)) for one in prepared]
         say(f"{pool!r}")

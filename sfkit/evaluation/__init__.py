@@ -1,5 +1,6 @@
 """Evaluation: metrics, protocols, engines, the evaluation store and what is built on them."""
 
+from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.estimate import Estimate, estimate
 from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
@@ -9,6 +10,7 @@ from sfkit.evaluation.validation import validation_scorer
 
 __all__ = [
     "CombinedScorer",
+    "Compute",
     "Estimate",
     "Evaluation",
     "EvaluationStore",

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import copy
 import math
-import threading
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation.engines import Engine, Result, check_engine, check_pool, make_engine
+from sfkit.evaluation.compute import HERE, Compute
+from sfkit.evaluation.engines import Engine, Result, Runner, check_pool
 from sfkit.evaluation.metrics import ImageErrors, Quantities
 from sfkit.evaluation.outcome import Outcome, Part, Scorer
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
-from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -44,21 +42,16 @@ class Evaluator:
         store: where evaluations are kept; a store that keeps nothing without one.
         metric: ``"bad-1.0"``, ``"d1"``, ``"epe"``, ...; the benchmark's own by default.
         also: further metrics that will be asked of the same evaluations, for what must be counted.
-        device: ``"cpu"`` or ``"cuda:0"``; its type is part of the key, its number is not. ``"cuda"`` is
-            every GPU to an engine with several workers.
         retry_failed: whether candidates recorded as failed are tried again.
-        engine: ``"inline"``, ``"processes"``, ``"ray"`` or ``"auto"``. Scores are the same to the last bit
-            while each worker has the same number of threads; on the CPU another number changes disparities
-            by some 1e-6 of their size.
-        workers: how many evaluate at a time; one a device unless given.
-        precision: ``"float32"``, or ``"bfloat16"`` for autocast; part of the key.
-        channels_last: whether images enter with their channels innermost; part of the key.
+        compute: where and how networks run.
+        shorthand: fields of :class:`~sfkit.evaluation.compute.Compute` that replace those of ``compute``:
+            ``device="cuda:0"``, ``engine="processes", workers=4``, ``precision="bfloat16"``.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs look wrong, such as left and right exchanged.
 
     Raises:
         InputError: the benchmark cannot be evaluated as it is (missing files, no valid pixel, a mask the
-            protocol needs), before any network runs; or an engine that cannot be had.
+            protocol needs), before any network runs; or a device or engine that cannot be had.
     """
 
     def __init__(
@@ -69,29 +62,23 @@ class Evaluator:
         store: EvaluationStore | None = None,
         metric: str | None = None,
         also: Sequence[str] = (),
-        device: str = "cpu",
         retry_failed: bool = False,
-        engine: str = "inline",
-        workers: int | None = None,
-        precision: str = "float32",
-        channels_last: bool = False,
+        compute: Compute = HERE,
+        **shorthand: Any,
     ) -> None:
-        self.mode = ForwardMode(precision, channels_last)
-        check_engine(engine, workers)
-        check_pool(engine, pool)
-        self._engine_name, self._workers = engine, workers
-        self._busy = threading.Lock()
+        self.compute = replace(compute, **shorthand)
+        check_pool(self.compute.engine, pool)
         self.pool = pool
         self.benchmark = benchmark
         self.metric = Metric.parse(metric or benchmark.metric)
         self.store = EvaluationStore(":memory:") if store is None else store
-        self.device = device
         self.retry_failed = retry_failed
         self.splits: tuple[frozenset[int], ...] = ()
         self.counts = Counts()
         self.quantities = Quantities.of(self.metric, *also)
         inputs = pool.architecture.inputs(pool.options)
         self.prepared = PreparedBenchmark(benchmark, inputs, self.quantities)
+        self._runner = Runner(pool, self.prepared, self.compute)
         if doubt := self.prepared.doubt():
             warnings.warn(doubt, SfkitWarning, stacklevel=2)
         self._frame: dict[str, Any] = {
@@ -101,22 +88,20 @@ class Evaluator:
             "protocol": benchmark.protocol,
             "family": benchmark.family,
             "resolution": benchmark.resolution,
-            **self.mode.describe(),
-            "device": device.partition(":")[0],
+            **self.compute.mode.describe(),
+            "device": self.compute.kind,
             **self.quantities.describe(),
         }
 
-    @cached_property
+    @property
     def engine(self) -> Engine:
         """Runs what the store does not have; its workers start with the first recipe."""
-        return make_engine(
-            self._engine_name,
-            self.pool,
-            self.prepared,
-            device=self.device,
-            workers=self._workers,
-            mode=self.mode,
-        )
+        return self._runner.engine
+
+    @property
+    def device(self) -> str:
+        """Where networks run."""
+        return self.compute.device
 
     def with_store(self, store: EvaluationStore) -> Evaluator:
         """The same evaluator on another store, its counts at 0, with an engine of its own; images are shared.
@@ -124,10 +109,7 @@ class Evaluator:
         A store's file comes into being when it is opened, so that a caller who wants none to be left by a
         refused benchmark makes the evaluator first and opens the store then.
         """
-        other = copy.copy(self)
-        other.store, other.counts, other._busy = store, Counts(), threading.Lock()
-        other.__dict__.pop("engine", None)
-        return other
+        return self._elsewhere(self.pool, store)
 
     def with_pool(self, pool: Pool) -> Evaluator:
         """The same evaluator on another pool of the same base and architecture, such as a prepared one.
@@ -144,10 +126,8 @@ class Evaluator:
                 f"pool {pool.name!r}: has another base or architecture than pool {self.pool.name!r}, "
                 "expected the same: make a new Evaluator for it"
             )
-        check_pool(self._engine_name, pool)
-        other = self.with_store(self.store)
-        other.pool = pool
-        return other
+        check_pool(self.compute.engine, pool)
+        return self._elsewhere(pool, self.store)
 
     def with_splits(self, splits: Sequence[Iterable[int]]) -> Evaluator:
         """The same evaluator, whose outcomes also tell scores on images held out from a search.
@@ -157,15 +137,13 @@ class Evaluator:
         Args:
             splits: of each split, the numbers of the images held out, from 0 in the benchmark's order.
         """
-        _ = self.engine  # made now, so that both use one
         other = copy.copy(self)
         other.splits = tuple(frozenset(split) for split in splits)
         return other
 
     def release(self) -> None:
         """Let go of networks and workers; they are made again when the next recipe has to be computed."""
-        if "engine" in self.__dict__:
-            self.engine.close()
+        self._runner.release()
 
     def __enter__(self) -> Evaluator:
         return self
@@ -219,7 +197,7 @@ class Evaluator:
         numbers, total = list(missing.values()), len(known) + len(missing)
         if progress is not None:
             progress(len(known), total)
-        with self._busy:  # one call at a time: an engine's workers hold one recipe each
+        with self._runner.busy:
             for position, result in self.engine.run([recipes[n] for n in numbers]) if numbers else ():
                 key = keys[numbers[position]]
                 known[key] = self._record(key, descriptions[numbers[position]], result)
@@ -239,6 +217,12 @@ class Evaluator:
         return Outcome(
             score, evaluation.seconds, evaluation.cached, evaluation.failure, evaluation.key, parts
         )
+
+    def _elsewhere(self, pool: Pool, store: EvaluationStore) -> Evaluator:
+        other = copy.copy(self)
+        other.pool, other.store, other.counts = pool, store, Counts()
+        other._runner = Runner(pool, self.prepared, self.compute)
+        return other
 
     def _part(self, images: Sequence[ImageErrors], held: frozenset[int]) -> Part:
         groups = [[image for n, image in enumerate(images) if (n in held) is out] for out in (False, True)]

@@ -11,6 +11,7 @@ import pandas as pd
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.files import write_text
@@ -43,7 +44,7 @@ def score_recipes(
     metrics: Sequence[str] = (),
     validation: Sequence[str] = (),
     store: EvaluationStore | None = None,
-    device: str = "cpu",
+    compute: Compute = HERE,
     progress: Progress | None = None,
 ) -> pd.DataFrame:
     """Score named recipes on benchmarks, one row a (network, benchmark, metric).
@@ -57,7 +58,7 @@ def score_recipes(
         metrics: the metrics of each benchmark; its own default where none is named.
         validation: names of benchmarks that guided a search; their rows have the role ``validation``.
         store: where evaluations are kept.
-        device: as for :class:`~sfkit.evaluation.evaluator.Evaluator`.
+        compute: where and how networks run.
         progress: hears of each evaluation when it is done.
 
     Returns:
@@ -71,7 +72,9 @@ def score_recipes(
     for recipe in recipes.values():
         pool.check_recipe(recipe)
     evaluators = [
-        Evaluator(pool, benchmark, store=store, metric=next(iter(metrics), None), also=metrics, device=device)
+        Evaluator(
+            pool, benchmark, store=store, metric=next(iter(metrics), None), also=metrics, compute=compute
+        )
         for benchmark in benchmarks
     ]
     return score_table(evaluators, recipes, metrics=metrics, validation=validation, progress=progress)

@@ -21,7 +21,7 @@ from sfkit.checkpoints.spec import PoolSpec
 from sfkit.datasets.benchmark import memory_benchmark
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError
-from sfkit.evaluation import Evaluator, estimate
+from sfkit.evaluation import Compute, Evaluator, estimate
 from sfkit.evaluation.engines import auto, make_engine
 from sfkit.evaluation.engines.inline import InlineEngine
 from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
@@ -129,8 +129,8 @@ class Recorded:
 
     name, workers = "processes", 4
 
-    def __init__(self, pool: Pool, benchmark: Any, **options: Any) -> None:
-        self.options, self.calls = options, 0
+    def __init__(self, pool: Pool, benchmark: Any, compute: Compute) -> None:
+        self.compute, self.calls = compute, 0
         self.inside = InlineEngine(pool, benchmark)
 
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
@@ -150,8 +150,8 @@ class Recorded:
 def automatic(pool: Pool, monkeypatch: pytest.MonkeyPatch, gpus: int, **options: Any) -> auto.AutoEngine:
     monkeypatch.setattr("torch.cuda.device_count", lambda: gpus)
     monkeypatch.setattr(auto, "process_engine", Recorded)
-    engine = auto.AutoEngine(pool, Evaluator(pool, noise()).prepared, **options)
-    engine._inline.device = "cpu"  # no GPU is there to run on
+    engine = auto.AutoEngine(pool, Evaluator(pool, noise()).prepared, Compute(engine="auto", **options))
+    engine._inline.compute = Compute()  # no GPU is there to run on
     return engine
 
 
@@ -177,7 +177,7 @@ def test_auto_starts_workers_on_several_gpus_once_there_is_work_for_them(
     assert isinstance(engine.picked, InlineEngine), "few evaluations do not pay for a start"
     list(engine.run(alone(pool)))
     assert isinstance(engine.picked, Recorded)
-    assert engine.picked.options == {"device": "cuda", "workers": None, "mode": None}
+    assert engine.picked.compute == Compute("cuda", "auto")
     list(engine.run(alone(pool)[:1]))
     assert engine.picked.calls == 2, "workers that run are used"
     assert engine.describe().startswith("auto picked processes: recorded (2 GPUs")
@@ -189,7 +189,7 @@ def test_auto_starts_as_many_workers_as_are_asked_for(pool: Pool, monkeypatch: p
     assert "3 workers were asked for: they start with the first recipe" in engine.describe()
     list(engine.run(alone(pool)[:1]))
     assert isinstance(engine.picked, Recorded)
-    assert engine.picked.options["workers"] == 3
+    assert engine.picked.compute.workers == 3
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_auto_starts_as_many_workers_as_are_asked_for(pool: Pool, monkeypatch: p
 def test_engines_say_what_they_run_on_and_start_nothing_for_it(
     pool: Pool, name: str, workers: int | None, said: str
 ) -> None:
-    engine = make_engine(name, pool, Evaluator(pool, noise()).prepared, workers=workers)
+    engine = make_engine(pool, Evaluator(pool, noise()).prepared, Compute(engine=name, workers=workers))
     assert engine.workers == (workers or 1)
     assert re.fullmatch(said, engine.describe())
     assert list(engine.run([])) == []
@@ -218,7 +218,7 @@ def test_threads_are_shared_out_fairly(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_an_estimate_counts_the_workers(pool: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
     evaluator = Evaluator(pool, noise())
     alone_ = estimate(evaluator, pool.uniform(), 60)
-    evaluator.engine = automatic(pool, monkeypatch, 0, workers=4)
+    evaluator._runner._engine = automatic(pool, monkeypatch, 0, workers=4)
     list(evaluator.engine.run([pool.uniform()]))
     shared = estimate(evaluator, pool.uniform(), 60)
     assert shared.minutes == alone_.minutes / 4

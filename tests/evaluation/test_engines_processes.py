@@ -21,7 +21,7 @@ from engines_world import alone, heard, noise, set_wait, trapped_pool
 
 from sfkit.datasets.benchmark import Benchmark, open_benchmark
 from sfkit.errors import InputError, SfkitError
-from sfkit.evaluation import EvaluationStore, Evaluator
+from sfkit.evaluation import Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.engines.processes import cores, process_engine, seats_on
 from sfkit.evaluation.store import Evaluation
 from sfkit.merging import Pool, open_pool
@@ -215,7 +215,8 @@ def test_a_thread_of_a_script_without_a_file_evaluates_and_no_worker_outlives_it
 
 def test_workers_that_never_get_ready_are_given_up(trapped: Trapped) -> None:
     prepared = trapped.inline.prepared
-    engine = process_engine(trapped.pool, prepared, workers=1, start_seconds=0.05)
+    one = Compute(engine="processes", workers=1)
+    engine = process_engine(trapped.pool, prepared, one, start_seconds=0.05)
     with pytest.raises(
         SfkitError, match=r"3 workers in a row on cpu did not get ready, the last was not ready"
     ):

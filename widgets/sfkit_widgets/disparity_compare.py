@@ -11,6 +11,7 @@ import traitlets
 from sfkit.analysis.disparities import Comparison, Network
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.merging.pool import Pool
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget
@@ -33,7 +34,7 @@ class DisparityCompare(SfkitWidget):
         benchmark: gives pairs, protocol and metric.
         pair: which pair to show first; the first one unless given.
         metrics: scores to show, such as ``"bad-1.0"``; the benchmark's own unless given.
-        device: where recipes run.
+        compute: where and how recipes run, in this process.
         settings: ``arrangement``, ``shown``, ``first``, ``second``, ``limits``, ``theme``, ``layout``.
 
     Raises:
@@ -100,11 +101,11 @@ class DisparityCompare(SfkitWidget):
         *,
         pair: str | None = None,
         metrics: Sequence[str] = (),
-        device: str = "cpu",
+        compute: Compute = HERE,
         **settings: Any,
     ) -> None:
         self.refuse_unknown(settings)
-        self._comparison = Comparison(pool, networks, benchmark, metrics=metrics, device=device)
+        self._comparison = Comparison(pool, networks, benchmark, metrics=metrics, compute=compute)
         names = list(networks)
         chosen = {"first": names[0], "second": names[min(1, len(names) - 1)], **settings}
         super().__init__(chosen, palettes=palettes(), pairs=list(self._comparison.pairs))

@@ -11,13 +11,13 @@ from collections.abc import Iterator, Sequence
 import torch
 
 from sfkit.errors import InputError
+from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.engines.crew import ParallelEngine
 from sfkit.evaluation.engines.inline import InlineEngine
 from sfkit.evaluation.engines.plan import ensure_rebuildable, module_of
 from sfkit.evaluation.engines.processes import process_engine
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -30,9 +30,7 @@ class AutoEngine:
     Args:
         pool: whose networks are merged.
         benchmark: prepared for the pool's architecture.
-        device: ``"cuda"`` means all GPUs.
-        workers: how many, where the caller knows.
-        mode: how forward passes compute.
+        compute: device ``"cuda"`` means all GPUs; ``workers`` where the caller knows how many.
 
     Attributes:
         picked: the engine that runs now.
@@ -41,18 +39,9 @@ class AutoEngine:
 
     name = "auto"
 
-    def __init__(
-        self,
-        pool: Pool,
-        benchmark: PreparedBenchmark,
-        *,
-        device: str = "cpu",
-        workers: int | None = None,
-        mode: ForwardMode | None = None,
-    ) -> None:
-        self._inline = InlineEngine(pool, benchmark, device=device, mode=mode)
-        self._pool, self._benchmark = pool, benchmark
-        self._device, self._workers, self._mode = device, workers, mode
+    def __init__(self, pool: Pool, benchmark: PreparedBenchmark, compute: Compute) -> None:
+        self._inline = InlineEngine(pool, benchmark, compute)
+        self._pool, self._benchmark, self._compute = pool, benchmark, compute
         self.picked: InlineEngine | ParallelEngine = self._inline
         self._least, self.why = self._rule()
 
@@ -82,21 +71,20 @@ class AutoEngine:
 
     def _rule(self) -> tuple[int | None, str]:
         """From how many recipes in a call workers are started (None for never), and why."""
-        gpus = torch.cuda.device_count() if self._device == "cuda" else 1
-        workers = self._workers or (gpus if self._device == "cuda" else 1)
+        device, asked = self._compute.device, self._compute.workers
+        gpus = torch.cuda.device_count() if device == "cuda" else 1
+        workers = asked or (gpus if device == "cuda" else 1)
         if workers == 1:
-            one = "the CPU" if self._device == "cpu" else "one GPU"
+            one = "the CPU" if device == "cpu" else "one GPU"
             return None, f"{one} is one device: name workers to run several evaluations at a time on it"
         try:
             module_of(self._pool)
             ensure_rebuildable(self._pool)
         except InputError as error:
             return None, str(error)
-        if self._workers:
+        if asked:
             return 1, f"{workers} workers were asked for: they start with the first recipe"
         return FEW * workers, f"{workers} GPUs: their workers start with the first {FEW * workers} recipes"
 
     def _parallel(self) -> ParallelEngine:
-        return process_engine(
-            self._pool, self._benchmark, device=self._device, workers=self._workers, mode=self._mode
-        )
+        return process_engine(self._pool, self._benchmark, self._compute)

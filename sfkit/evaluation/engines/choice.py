@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines.auto import AutoEngine
 from sfkit.evaluation.engines.inline import InlineEngine
 from sfkit.evaluation.engines.plan import ensure_rebuildable, module_of
 from sfkit.evaluation.engines.processes import process_engine
-from sfkit.evaluation.engines.ray_actors import ensure_ray, ray_engine
+from sfkit.evaluation.engines.ray_actors import ray_engine
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
-
-ENGINES = ("auto", "inline", "processes", "ray")
 
 
 class Engine(Protocol):
@@ -50,21 +47,12 @@ class Engine(Protocol):
         ...
 
 
-def check_engine(name: str, workers: int | None) -> None:
-    """Refuse, before long work, an engine that cannot be had.
-
-    Raises:
-        InputError: an unknown engine, a number of workers it cannot have, or one whose library is not
-            installed.
-    """
-    if name not in ENGINES:
-        raise unknown_name("engine", name, ENGINES)
-    if workers is not None and workers < 1:
-        raise InputError(f"workers: found {workers}, expected at least 1")
-    if name == "inline" and workers not in (None, 1):
-        raise InputError(f"workers: found {workers}, engine 'inline' has one: choose 'processes' or 'ray'")
-    if name == "ray":
-        ensure_ray()
+_MAKERS: dict[str, Callable[[Pool, PreparedBenchmark, Compute], Engine]] = {
+    "auto": AutoEngine,
+    "inline": InlineEngine,
+    "processes": process_engine,
+    "ray": ray_engine,
+}
 
 
 def check_pool(name: str, pool: Pool) -> None:
@@ -79,25 +67,10 @@ def check_pool(name: str, pool: Pool) -> None:
         ensure_rebuildable(pool)
 
 
-def make_engine(
-    name: str,
-    pool: Pool,
-    benchmark: PreparedBenchmark,
-    *,
-    device: str = "cpu",
-    workers: int | None = None,
-    mode: ForwardMode | None = None,
-) -> Engine:
-    """The engine called ``name``; nothing starts before its first recipe.
+def make_engine(pool: Pool, benchmark: PreparedBenchmark, compute: Compute = HERE) -> Engine:
+    """The engine that ``compute`` names; nothing starts before its first recipe.
 
     Raises:
-        InputError: as :func:`check_engine` and :func:`check_pool`.
+        InputError: as :func:`check_pool`.
     """
-    check_engine(name, workers)
-    if name == "inline":
-        return InlineEngine(pool, benchmark, device=device, mode=mode)
-    if name == "processes":
-        return process_engine(pool, benchmark, device=device, workers=workers, mode=mode)
-    if name == "ray":
-        return ray_engine(pool, benchmark, device=device, workers=workers, mode=mode)
-    return AutoEngine(pool, benchmark, device=device, workers=workers, mode=mode)
+    return _MAKERS[compute.engine](pool, benchmark, compute)

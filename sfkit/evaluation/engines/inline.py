@@ -6,10 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import torch
 
+from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines.worker import Result, Worker
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging.forward import ForwardMode
-from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -20,29 +19,21 @@ class InlineEngine:
     Args:
         pool: whose networks are merged.
         benchmark: prepared for the pool's architecture.
-        device: ``"cpu"``, ``"cuda:0"``, ...
-        mode: how forward passes compute.
+        compute: the device, and how forward passes compute.
     """
 
     name = "inline"
     workers = 1
 
-    def __init__(
-        self,
-        pool: Pool,
-        benchmark: PreparedBenchmark,
-        *,
-        device: str = "cpu",
-        mode: ForwardMode | None = None,
-    ) -> None:
-        self.pool, self.benchmark, self.device, self.mode = pool, benchmark, device, mode
+    def __init__(self, pool: Pool, benchmark: PreparedBenchmark, compute: Compute = HERE) -> None:
+        self.pool, self.benchmark, self.compute = pool, benchmark, compute
         self._worker: Worker | None = None
 
     @property
     def worker(self) -> Worker:
         """The one worker."""
         if self._worker is None:
-            self._worker = Worker(LiveModel(self.pool, device=self.device, mode=self.mode), self.benchmark)
+            self._worker = Worker(self.compute.model(self.pool), self.benchmark)
         return self._worker
 
     def start(self) -> None:
@@ -56,8 +47,8 @@ class InlineEngine:
 
     def describe(self) -> str:
         """What it runs on, for people."""
-        threads = torch.get_num_threads()
-        return f"inline: one evaluation at a time on {self.device}, {threads} thread{'s' * (threads > 1)}"
+        device, threads = self.compute.device, torch.get_num_threads()
+        return f"inline: one evaluation at a time on {device}, {threads} thread{'s' * (threads > 1)}"
 
     def close(self) -> None:
         """Let go of the network; it is built again with the next recipe."""

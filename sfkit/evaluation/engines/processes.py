@@ -18,6 +18,7 @@ from pathlib import Path
 import torch
 
 from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.engines.child import Here, Ready, Refused
 from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
 from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
@@ -25,7 +26,6 @@ from sfkit.evaluation.engines.schedule import TRIES
 from sfkit.evaluation.engines.spawned import Spawned, stop
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
 
 LOOK_SECONDS = 5.0  # a channel shows a worker's end, unless a process forked off this one holds it too
@@ -171,10 +171,8 @@ class ProcessCrew:
 def process_engine(
     pool: Pool,
     benchmark: PreparedBenchmark,
+    compute: Compute,
     *,
-    device: str = "cpu",
-    workers: int | None = None,
-    mode: ForwardMode | None = None,
     threads: int | None = None,
     start_seconds: float = START_SECONDS,
 ) -> ParallelEngine:
@@ -183,20 +181,20 @@ def process_engine(
     Args:
         pool: whose networks are merged; each worker opens its files again.
         benchmark: prepared for the pool's architecture; each worker reads its files again.
-        device: ``"cpu"``; ``"cuda"`` for all GPUs in turn; ``"cuda:0"`` for one.
-        workers: how many; one a GPU, or one a CPU core, unless given. Each holds a network and the images;
-            task vectors of big pools lie in mapped files that all share.
-        mode: how forward passes compute.
+        compute: device ``"cpu"``, ``"cuda"`` for all GPUs in turn, or ``"cuda:0"`` for one; ``workers``, one
+            a GPU, or one a CPU core, unless given. Each holds a network and the images; task vectors of big
+            pools lie in mapped files that all share.
         threads: of torch in each worker; this process's threads are shared out unless given.
         start_seconds: how long a worker may take to get ready.
 
     Raises:
         InputError: a worker could not import the architecture or the benchmark's pairs.
     """
-    devices = seats_on(device, workers)
+    devices = seats_on(compute.device, compute.workers)
     share = threads or fair_threads(len(devices))
-    quantities, mode = benchmark.quantities, mode or ForwardMode()
-    plan = WorkerPlan.of(pool, benchmark.benchmark, quantities, mode=mode, threads=share)
+    plan = WorkerPlan.of(
+        pool, benchmark.benchmark, benchmark.quantities, mode=compute.mode, threads=share
+    )
     about = f"{len(devices)} worker{'s' * (len(devices) > 1)} on {', '.join(dict.fromkeys(devices))}"
     threaded = f"{about}, {share} thread{'s' * (share > 1)} each"
 

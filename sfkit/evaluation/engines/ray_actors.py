@@ -7,7 +7,6 @@ CPUs only, on no GPU yet.
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 import time
 import warnings
@@ -16,13 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.evaluation.compute import Compute, ensure_ray
 from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
 from sfkit.evaluation.engines.parcel import PoolParcel, in_memory
 from sfkit.evaluation.engines.plan import WorkerPlan
 from sfkit.evaluation.engines.schedule import TRIES
 from sfkit.evaluation.engines.worker import Result, Worker
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging.forward import ForwardMode
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -187,10 +186,8 @@ class RayCrew:
 def ray_engine(
     pool: Pool,
     benchmark: PreparedBenchmark,
+    compute: Compute,
     *,
-    device: str = "cpu",
-    workers: int | None = None,
-    mode: ForwardMode | None = None,
     threads: int = 1,
     start_seconds: float = START_SECONDS,
 ) -> ParallelEngine:
@@ -199,9 +196,8 @@ def ray_engine(
     Args:
         pool: whose networks are merged.
         benchmark: prepared for the pool's architecture.
-        device: ``"cpu"`` or ``"cuda"``; Ray says which GPU.
-        workers: how many; one a GPU, or one a CPU, of the whole cluster unless given.
-        mode: how forward passes compute.
+        compute: device ``"cpu"`` or ``"cuda"``, Ray says which GPU; ``workers``, one a GPU, or one a CPU, of
+            the whole cluster unless given.
         threads: of torch in each worker.
         start_seconds: how long a worker may take to get ready, waiting for its GPU or CPU included.
 
@@ -209,9 +205,8 @@ def ray_engine(
         InputError: Ray is not installed, or a worker could not import the architecture.
     """
     ensure_ray()
-    quantities, mode = benchmark.quantities, mode or ForwardMode()
-    plan = WorkerPlan.of(pool, in_memory(benchmark), quantities, mode=mode, threads=threads)
-    kind = device.partition(":")[0]
+    held, workers, kind = in_memory(benchmark), compute.workers, compute.kind
+    plan = WorkerPlan.of(pool, held, benchmark.quantities, mode=compute.mode, threads=threads)
 
     def hire() -> RayCrew:
         order = Order(plan, PoolParcel.of(pool), tuple(filter(None, sys.path)), kind)
@@ -219,19 +214,6 @@ def ray_engine(
 
     about = f"{workers or 'as many'} workers on {kind}" + ("" if workers else " as the cluster has room for")
     return ParallelEngine("ray", len(benchmark), workers, hire, about)
-
-
-def ensure_ray() -> None:
-    """Refuse where Ray is missing.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    if importlib.util.find_spec("ray") is None:
-        raise InputError(
-            "engine 'ray': Ray is not installed, install it with pip install 'sfkit[ray]', or choose "
-            "'processes'"
-        )
 
 
 def _connect(ray: Any) -> None:

@@ -1,0 +1,118 @@
+"""Where and how forward passes run: one record for evaluators, experiments, commands and notebooks."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass, fields
+
+import torch
+
+from sfkit.errors import InputError, unknown_name
+from sfkit.merging.forward import ForwardMode
+from sfkit.merging.live import LiveModel
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+ENGINES = ("auto", "inline", "processes", "ray")
+
+
+@dataclass(frozen=True)
+class Compute:
+    """Where and how networks run.
+
+    Attributes:
+        device: ``"cpu"`` or ``"cuda:0"``; its type is part of an evaluation's key, its number is not.
+            ``"cuda"`` is every GPU to an engine with several workers.
+        engine: ``"inline"``, ``"processes"``, ``"ray"`` or ``"auto"``. Scores are the same to the last bit
+            while each worker has the same number of threads; on the CPU another number changes disparities
+            by some 1e-6 of their size.
+        workers: how many evaluate at a time; one a device unless given.
+        precision: ``"float32"``, or ``"bfloat16"`` for autocast; part of the key.
+        channels_last: whether images enter with their channels innermost; part of the key.
+
+    Raises:
+        InputError: an unknown device, engine or precision, a number of workers the engine cannot have, or an
+            engine whose library is not installed. Whether the device is there shows when a network is made.
+    """
+
+    device: str = "cpu"
+    engine: str = "inline"
+    workers: int | None = None
+    precision: str = "float32"
+    channels_last: bool = False
+
+    def __post_init__(self) -> None:
+        ForwardMode(self.precision, self.channels_last)
+        check_device_name(self.device)
+        if self.engine not in ENGINES:
+            raise unknown_name("engine", self.engine, ENGINES)
+        if self.workers is not None and self.workers < 1:
+            raise InputError(f"workers: found {self.workers}, expected at least 1")
+        if self.engine == "inline" and self.workers not in (None, 1):
+            raise InputError(
+                f"workers: found {self.workers}, engine 'inline' has one: choose 'processes' or 'ray'"
+            )
+        if self.engine == "ray":
+            ensure_ray()
+
+    @property
+    def kind(self) -> str:
+        """The device's type, ``"cpu"`` or ``"cuda"``."""
+        return self.device.partition(":")[0]
+
+    @property
+    def mode(self) -> ForwardMode:
+        """Precision and memory layout of forward passes."""
+        return ForwardMode(self.precision, self.channels_last)
+
+    def model(self, pool: Pool, recipe: Recipe | None = None) -> LiveModel:
+        """A network of this process under a recipe, the pool's base unless given; no engine takes part.
+
+        Raises:
+            InputError: the device is not there.
+        """
+        check_device(self.device)
+        return LiveModel(pool, recipe, device=self.device, mode=self.mode)
+
+
+def check_device_name(name: str, argument: str = "device") -> None:
+    """Refuse what cannot be a device's name.
+
+    Raises:
+        InputError: naming the argument, what was found and what was expected.
+    """
+    kind, colon, number = name.partition(":")
+    if kind not in ("cpu", "cuda") or (colon and not number.isdecimal()) or (kind == "cpu" and colon):
+        raise InputError(f"{argument}: found {name!r}, expected cpu, cuda or cuda:N")
+
+
+def check_device(name: str, argument: str = "device") -> None:
+    """Refuse a device that this machine does not have.
+
+    Raises:
+        InputError: as :func:`check_device_name`, or it is not there.
+    """
+    check_device_name(name, argument)
+    kind, _, number = name.partition(":")
+    if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
+        raise InputError(
+            f"{argument}: {name} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
+        )
+
+
+def ensure_ray() -> None:
+    """Refuse where Ray is missing.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    if importlib.util.find_spec("ray") is None:
+        raise InputError(
+            "engine 'ray': Ray is not installed, install it with pip install 'sfkit[ray]', or choose "
+            "'processes'"
+        )
+
+
+HERE = Compute()
+"""One process on the CPU."""
+FIELDS = tuple(field.name for field in fields(Compute))
