@@ -25,6 +25,7 @@ def environment(experiment: Experiment) -> pd.DataFrame:
     facts["processors"] = str(os.cpu_count())
     facts["torch threads"] = str(torch.get_num_threads())
     facts["device"] = experiment.compute.device
+    facts["engine"] = experiment.scorer().engine.describe()
     facts[f"base of {pool.name}"] = pool.base.fingerprint[:DIGITS]
     facts |= {f"source {source.name}": source.fingerprint[:DIGITS] for source in pool.sources}
     for benchmark in (experiment.validation, *experiment.reported):

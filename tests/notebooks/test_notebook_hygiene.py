@@ -10,8 +10,15 @@ import nbformat
 import pytest
 from nbformat import NotebookNode
 
+from sfkit import Compute
+
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
 WORDS_PER_LINE = (6.0, 12.0)
+EVALUATING = (
+    *("Evaluator", "validation_scorer", "Experiment", "score_recipes", "measure_recipes"),
+    *("data_similarity", "disparity_panels", "DisparityCompare"),
+)
+"""What runs networks, and has to be told where."""
 
 
 @pytest.fixture(params=NOTEBOOKS, ids=lambda path: path.stem)
@@ -44,6 +51,24 @@ def test_one_cell_holds_the_parameters_as_plain_values(notebook: NotebookNode) -
     for statement in ast.parse(tagged[0].source).body:
         assert isinstance(statement, ast.Assign)
         ast.literal_eval(statement.value)
+
+
+def test_it_can_run_on_every_device_and_engine(notebook: NotebookNode) -> None:
+    (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
+    values = {
+        statement.targets[0].id: ast.literal_eval(statement.value)
+        for statement in ast.parse(parameters.source).body
+        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name)
+    }
+    given = {name: values[name] for name in ("device", "engine", "workers", "precision")}
+    assert Compute(**given) == Compute(engine="auto")
+    assert (
+        sum("sfkit.Compute(device, engine, workers, precision)" in source for source in code(notebook)) == 1
+    )
+    for source in code(notebook):
+        for call in (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)):
+            name = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+            assert name not in EVALUATING or "compute" in {keyword.arg for keyword in call.keywords}, name
 
 
 def test_it_defines_nothing_but_the_network_one_brings(notebook: NotebookNode) -> None:
