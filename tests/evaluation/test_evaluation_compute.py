@@ -94,7 +94,7 @@ def test_an_experiment_that_moves_to_a_device_evaluates_there(experiment: Experi
 def test_an_experiment_with_another_metric_has_its_threshold(experiment: Experiment) -> None:
     before = experiment.scorer()
     changed = experiment.changed(metric="bad-2.5")
-    assert 2.5 in changed.scorer().thresholds
+    assert 2.5 in changed.scorer().quantities.thresholds
     recipes = {"low": experiment.pool.equal("low")}
     assert set(changed.scores(recipes)["metric"]) == {"bad-2.5"}
     assert experiment.scorer() is before

@@ -192,9 +192,7 @@ def process_engine(
     """
     devices = seats_on(compute.device, compute.workers)
     share = threads or fair_threads(len(devices))
-    plan = WorkerPlan.of(
-        pool, benchmark.benchmark, benchmark.quantities, mode=compute.mode, threads=share
-    )
+    plan = WorkerPlan.of(pool, benchmark.benchmark, benchmark.quantities, mode=compute.mode, threads=share)
     about = f"{len(devices)} worker{'s' * (len(devices) > 1)} on {', '.join(dict.fromkeys(devices))}"
     threaded = f"{about}, {share} thread{'s' * (share > 1)} each"
 
