@@ -1,0 +1,90 @@
+"""Where a bound over subsets is smallest: all of them looked through, or the operators of Stage 1 at work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+
+from sfkit.search.breeding import Rank, SubsetSettings, bred, initial, survivors
+from sfkit.search.gaussian_process import Array
+from sfkit.search.operators import Chromosome, SubsetSpace
+
+LISTED = 4096
+"""Spaces of up to so many subsets are looked through as a whole."""
+BREEDING = SubsetSettings(population=40, generations=10, mutation=0.6, survival="truncation")
+"""Of the genetic algorithm that looks through larger ones; no network runs for it."""
+
+Bound = Callable[[Array], Array]
+"""Weights of equal merges, (m, N), -> what is minimised, (m,)."""
+
+
+def smallest_bound(
+    bound: Bound,
+    space: SubsetSpace,
+    count: int,
+    met: Collection[Chromosome],
+    best: Sequence[Chromosome],
+    rng: np.random.Generator,
+) -> Chromosome:
+    """The subset of the smallest bound among those not met; the earlier one of a tie.
+
+    Args:
+        bound: what is minimised.
+        space: what may be proposed; at least one subset of it is not met.
+        count: N, sources in the pool.
+        met: ascending chromosomes that are left out.
+        best: where the genetic algorithm begins, in large spaces.
+        rng: its draws; none in small spaces.
+    """
+    options = listed(space) if space.subsets <= LISTED else _bred(bound, space, count, best, rng)
+    fresh = [chromosome for chromosome in options if chromosome not in met]
+    values = bound(equal_weights(fresh, count))
+    return fresh[int(np.argmin(values))]
+
+
+def equal_weights(chromosomes: Sequence[Chromosome], count: int) -> Array:
+    """Weights of the equal merges, (m, count)."""
+    weights = np.zeros((len(chromosomes), count))
+    for row, chromosome in zip(weights, chromosomes, strict=True):
+        row[list(chromosome)] = 1.0 / len(chromosome)
+    return weights
+
+
+@lru_cache(maxsize=8)
+def listed(space: SubsetSpace) -> tuple[Chromosome, ...]:
+    """Every subset of a space, genes ascending, small ones first."""
+    required = tuple(sorted(space.required))
+    return tuple(
+        tuple(sorted((*required, *chosen)))
+        for size in range(space.smallest, space.largest + 1)
+        for chosen in combinations(space.optional, size - len(required))
+    )
+
+
+def _bred(
+    bound: Bound, space: SubsetSpace, count: int, best: Sequence[Chromosome], rng: np.random.Generator
+) -> tuple[Chromosome, ...]:
+    """Every subset a genetic algorithm meets on its way down the bound, genes ascending."""
+    met: dict[Chromosome, None] = {}
+    numbered: list[tuple[Chromosome, Rank]] = []
+
+    def ranked(chromosomes: Sequence[Chromosome]) -> list[tuple[Chromosome, Rank]]:
+        ordered = [tuple(sorted(chromosome)) for chromosome in chromosomes]
+        met.update(dict.fromkeys(ordered))
+        first = len(numbered)
+        values = bound(equal_weights(ordered, count))
+        numbered.extend(
+            (c, (float(v), first + n)) for n, (c, v) in enumerate(zip(ordered, values, strict=True))
+        )
+        return numbered[first:]
+
+    starts = [*best][: BREEDING.population // 2]
+    population = ranked([draft.chromosome for draft in initial(BREEDING, space, starts, rng)])
+    for _ in range(BREEDING.generations):
+        offspring = ranked([draft.chromosome for draft in bred(population, BREEDING, space, rng)])
+        chosen = survivors([*population, *offspring], BREEDING, rng)
+        population = [numbered[number] for _, number in chosen]
+    return tuple(met)

@@ -1,0 +1,275 @@
+"""Stage 1 by Bayesian optimisation: a model of the score proposes which subsets to score next.
+
+A merge is a smooth function of its weights, so that a Gaussian process over them knows after a few dozen
+evaluations where the good subsets are. What is proposed next has the smallest lower confidence bound
+(GP-UCB, Srinivas et al. 2010), several at a time by hearing the model's own mean for those before (GP-BUCB,
+Desautels et al. 2014). On both landscapes that are known in full this bound needed fewer evaluations than
+expected improvement, which asks again and again beside the best of a noisy score
+(``benchmarks/bayesian.py``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sfkit.evaluation.outcome import Scorer
+from sfkit.merging.recipe import Recipe
+from sfkit.search.acquisition import equal_weights, listed, smallest_bound
+from sfkit.search.breeding import Draft, SubsetSettings
+from sfkit.search.checks import require_between, require_known, require_whole
+from sfkit.search.constraints import Constraints, subset_of
+from sfkit.search.gaussian_process import Array, Points
+from sfkit.search.journal import Journal
+from sfkit.search.operators import SMALLEST, Chromosome, random_chromosome
+from sfkit.search.subset import SubsetCandidate, SubsetSearch, SubsetState
+from sfkit.search.surrogate import (
+    NO_PREDICTION,
+    Known,
+    Prediction,
+    Surrogate,
+    features,
+    learned,
+    recipe_features,
+)
+
+_STREAM = 3
+_TRIES = 1000
+
+
+@dataclass(frozen=True)
+class BayesianSubsetSettings(SubsetSettings):
+    """Settings of Stage 1 by a model.
+
+    Attributes:
+        population: how many subsets are scored before there is a model: all sources together, then random
+            ones. The population of a generation is the best so many that are known.
+        singles: whether every source is scored alone as well, before there is a model. It wins nothing, since
+            a subset has two sources or more, but tells the model where the corners are.
+        generations: how many times the model proposes.
+        batch: q, candidates proposed at a time, for as many workers.
+        beta: standard deviations that the bound lies below the mean; more explores more.
+        seed: at least 0.
+        crossover, mutation, redraw, survival: of :class:`SubsetSettings`, not used here.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    population: int = 8
+    generations: int = 41
+    singles: bool = True
+    batch: int = 1
+    beta: float = 2.5
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_whole("batch", self.batch, 1)
+        require_between("beta", self.beta, 0.0)
+
+    @property
+    def offspring(self) -> int:
+        """Candidates that a generation creates."""
+        return int(self.batch)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposedSubset(SubsetCandidate):
+    """A subset, and what the model said of it before.
+
+    Attributes:
+        prediction: None where no model proposed it.
+    """
+
+    prediction: Prediction | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain values for the history and the journal."""
+        told = NO_PREDICTION if self.prediction is None else self.prediction.as_record()
+        return {**super().as_record(), **told}
+
+
+class BayesianSubsetSearch(SubsetSearch):
+    """Stage 1 over named sources by a model of the score; see :class:`BayesianSubsetSettings`.
+
+    Generation 0 scores every source alone, takes up what is known already, at no cost where the scorer has
+    it in its store, and scores random subsets where that is less than ``population``. Every further
+    generation proposes ``batch`` subsets nobody has scored. Generation t draws from ``numpy.random.default_rng([seed, 3, t])`` alone.
+    """
+
+    settings: BayesianSubsetSettings
+
+    def __init__(
+        self,
+        sources: Iterable[str],
+        blocks: Iterable[str],
+        scorer: Scorer,
+        settings: BayesianSubsetSettings | None = None,
+        *,
+        constraints: Constraints | None = None,
+        start: Recipe | Iterable[Recipe | Iterable[str]] = (),
+        known: Iterable[Known] = (),
+        journal: Journal | None = None,
+    ) -> None:
+        """Check everything; nothing is scored before the first step.
+
+        Args:
+            sources: names of the pool's sources, at least two.
+            blocks: names of the blocks, in the partition's order.
+            scorer: hears recipes, answers outcomes.
+            settings: sizes and the like.
+            constraints: which subsets may be proposed.
+            start: recipes or subsets scored first.
+            known: what was scored before. Equal merges of subsets that may be proposed become candidates
+                of generation 0, all others are seen by the model alone.
+            journal: where to write what happens, for viewers.
+
+        Raises:
+            InputError: as :class:`~sfkit.search.subset.SubsetSearch`; or a known recipe of other sources
+                or blocks.
+        """
+        super().__init__(
+            sources,
+            blocks,
+            scorer,
+            settings or BayesianSubsetSettings(),
+            constraints=constraints,
+            start=start,
+            journal=journal,
+        )
+        self.known = tuple(known)
+        for entry in self.known:
+            require_known("known", entry.recipe.sources, self.sources, "source")
+            require_known("known", self.blocks, entry.recipe.blocks, "block")
+        self._others = tuple(k for k in self.known if self._chromosome(k.recipe) is None)
+
+    @property
+    def reason(self) -> str | None:
+        """Why no step is left, None where one is."""
+        if self._left == 0:
+            return f"all {self.space.subsets} subsets are scored"
+        return super().reason
+
+    @property
+    def best(self) -> SubsetCandidate | None:
+        """The best subset so far, the earlier one of a tie; None where nothing has a finite score."""
+        return next(iter(self.archive(1)), None)
+
+    def archive(self, size: int | None = None) -> tuple[SubsetCandidate, ...]:
+        """The best different subsets of two sources or more, best first."""
+        return tuple(c for c in super().archive() if len(c.subset) >= SMALLEST)[:size]
+
+    @property
+    def history(self) -> pd.DataFrame:
+        """One row a candidate: the columns of Stage 1, then ``predicted_mean``, ``predicted_sd`` and
+        ``acquisition`` in the score's unit (NaN where no model proposed it).
+        """
+        told = [candidate.as_record() for candidate in self._state.candidates]
+        return super().history.join(pd.DataFrame(told, columns=list(NO_PREDICTION)))
+
+    def _advance(self) -> None:
+        state = self._state
+        generation = state.generation + 1
+        rng = np.random.default_rng([int(self.settings.seed), _STREAM, generation])
+        drafts, told = self._first(rng) if generation == 0 else self._proposed(rng)
+        fresh = tuple(
+            ProposedSubset(**vars(candidate), prediction=prediction)
+            for candidate, prediction in zip(self._scored(drafts, generation), told, strict=True)
+        )
+        candidates = (*state.candidates, *fresh)
+        subsets = [c for c in candidates if not c.repeated and len(c.subset) >= SMALLEST]
+        best = sorted(subsets, key=lambda c: c.rank)
+        population = tuple(c.number for c in best[: int(self.settings.population)])
+        self._state = SubsetState(generation, candidates, (*state.populations, population))
+
+    def _first(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
+        """Starts, what is known, all sources together, then random subsets, each once."""
+        drafts = {tuple(sorted(c)): Draft(c, (), ("start",)) for c in self._starts}
+        for entry in self.known:
+            if (chromosome := self._chromosome(entry.recipe)) is not None:
+                drafts.setdefault(chromosome, Draft(chromosome, (), ("known",)))
+        wanted = min(int(self.settings.population), self.space.subsets)
+        everything = self.space.allowed
+        if len(drafts) < wanted and self.space.holds(everything):
+            drafts.setdefault(everything, Draft(everything, (), ("all",)))
+        while len(drafts) < wanted:
+            drawn = self._unmet(drafts, rng)
+            drafts[drawn] = Draft(drawn, (), ("random",))
+        alone = self.space.allowed if self.settings.singles else ()
+        first = [*(Draft((gene,), (), ("single",)) for gene in alone), *drafts.values()]
+        return first, [None] * len(first)
+
+    def _proposed(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
+        """The next batch: each minimises the bound of a model that believes in those before it."""
+        model = self._model()
+        met = {self._genes(candidate) for candidate in self._state.candidates}
+        drafts: list[Draft] = []
+        told: list[Prediction | None] = []
+        for _ in range(min(int(self.settings.batch), self._left)):
+            if model is None:  # nothing has a finite score yet
+                chromosome, prediction = self._unmet(met, rng), None
+            else:
+                chromosome, prediction = self._acquired(model, met, rng)
+                model = model.believing(self._points(equal_weights([chromosome], len(self.sources))))
+            drafts.append(Draft(chromosome, (), ("random" if prediction is None else "model",)))
+            told.append(prediction)
+            met.add(chromosome)
+        return drafts, told
+
+    def _acquired(
+        self, model: Surrogate, met: set[Chromosome], rng: np.random.Generator
+    ) -> tuple[Chromosome, Prediction]:
+        beta = float(self.settings.beta)
+
+        def bound(weights: Array) -> Array:
+            return model.bounds(self._points(weights), beta)[2]
+
+        best = [self._genes(self._state.candidates[number]) for number in self._state.populations[-1]]
+        chromosome = smallest_bound(bound, self.space, len(self.sources), met, best, rng)
+        weights = equal_weights([chromosome], len(self.sources))
+        mean, sd, lowest = (float(value[0]) for value in model.bounds(self._points(weights), beta))
+        return chromosome, Prediction(mean, sd, lowest)
+
+    def _model(self) -> Surrogate | None:
+        """What this search's candidates and everything scored before tell; None where nothing has a score."""
+        own = [candidate for candidate in self._state.candidates if not candidate.repeated]
+        scores = np.array([*(c.score for c in own), *(entry.score for entry in self._others)])
+        if len(scores) < 2 or not np.isfinite(scores).any():
+            return None
+        subsets = self._points(equal_weights([self._genes(c) for c in own], len(self.sources)))
+        recipes = recipe_features((entry.recipe for entry in self._others), self.sources, self.blocks)
+        return learned(tuple(np.concatenate(groups) for groups in zip(subsets, recipes, strict=True)), scores)
+
+    def _points(self, weights: Array) -> Points:
+        """Features of equal merges, whose blocks have the same weights and scales of 1."""
+        rows = np.repeat(weights[:, None, :], len(self.blocks), axis=1)
+        return features(rows, np.ones((len(weights), len(self.blocks))))
+
+    @property
+    def _left(self) -> int:
+        """Subsets nobody has scored."""
+        met = {c.subset for c in self._state.candidates if len(c.subset) >= SMALLEST}
+        return self.space.subsets - len(met)
+
+    def _unmet(self, met: Collection[Chromosome], rng: np.random.Generator) -> Chromosome:
+        """A random subset nobody has scored; there is one."""
+        for _ in range(_TRIES):
+            drawn = tuple(sorted(random_chromosome(self.space, rng)))
+            if drawn not in met:
+                return drawn
+        return next(chromosome for chromosome in listed(self.space) if chromosome not in met)
+
+    def _genes(self, candidate: SubsetCandidate) -> Chromosome:
+        return tuple(sorted(self.sources.index(name) for name in candidate.chromosome))
+
+    def _chromosome(self, recipe: Recipe) -> Chromosome | None:
+        """The subset whose equal merge a recipe is, where this search may propose it."""
+        genes = tuple(sorted(self.sources.index(name) for name in subset_of(recipe)))
+        if not self.space.holds(genes):
+            return None
+        pair = recipe_features([self.recipe(genes), recipe], self.sources, self.blocks)
+        return genes if all(np.array_equal(group[0], group[1]) for group in pair) else None

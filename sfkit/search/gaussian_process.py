@@ -1,0 +1,164 @@
+"""Gaussian-process regression for a few hundred points (Rasmussen and Williams 2006, chapters 2, 4 and 5).
+
+Plain NumPy in double precision: importing it costs nothing, and no random number is drawn. Hyper-parameters
+come from a grid and ties go to its earlier entry, so that the same points and values give the same model on
+one machine with one number of BLAS threads. Another BLAS may round differently; where two proposals are as
+good as equal it can then choose the other one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Points = tuple[Array, ...]
+"""Features in groups, (n, d_g) each; every group has a length scale of its own."""
+
+LENGTHS: tuple[float, ...] = tuple(float(v) for v in np.geomspace(0.1, 3.2, 11))
+"""Length scales that are tried, in units of the features."""
+NOISES: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
+"""Variances of the noise that are tried, as shares of the signal's variance."""
+_CENTRE = 5
+_SMALLEST = 1e-12
+
+
+@dataclass(frozen=True)
+class GaussianProcess:
+    """A posterior: constant mean, Matern kernel with nu = 5/2, Gaussian noise.
+
+    Attributes:
+        points: what it learned from, n rows in each group.
+        lengths: one length scale a group.
+        noise: variance of the noise as a share of the signal's.
+        mean: the constant mean, in the values' unit.
+        variance: of the signal, in the unit's square.
+        inverse: inverse of the lower Cholesky factor of kernel + noise, (n, n).
+        weights: (kernel + noise)^-1 (values - mean), (n,).
+    """
+
+    points: Points
+    lengths: tuple[float, ...]
+    noise: float
+    mean: float
+    variance: float
+    inverse: Array
+    weights: Array
+
+    def predict(self, points: Points) -> tuple[Array, Array]:
+        """Mean and standard deviation of the noiseless value at m points: (m,) each (eqs. 2.25 and 2.26)."""
+        across = matern(distances(points, self.points), self.lengths)
+        mean = self.mean + across @ self.weights
+        explained = np.sum((across @ self.inverse.T) ** 2, axis=1)
+        return mean, np.sqrt(self.variance * np.maximum(1.0 - explained, _SMALLEST))
+
+    def believing(self, points: Points) -> GaussianProcess:
+        """The same after hearing its own mean at further points: only what it is unsure of changes.
+
+        The kriging believer of Ginsbourger et al. 2010; proposals of one batch keep apart by it.
+        """
+        mean, _ = self.predict(points)
+        old, _ = self.predict(self.points)
+        return _posterior(
+            tuple(np.concatenate(pair) for pair in zip(self.points, points, strict=True)),
+            np.concatenate([old + self.noise * self.weights, mean]),
+            self.lengths,
+            self.noise,
+            fixed=(self.mean, self.variance),
+        )
+
+
+def fit(points: Points, values: Array, noises: Sequence[float] = NOISES) -> GaussianProcess:
+    """The model of highest evidence on the grid of length scales and noises.
+
+    Length scales climb from the middle of the grid, one group at a time, while the evidence rises.
+
+    Args:
+        points: at least two rows in each group.
+        values: (n,), finite.
+        noises: which to try.
+    """
+    apart = distances(points, points)
+    seen: dict[tuple[int, ...], tuple[float, float]] = {}
+
+    def evidence(where: tuple[int, ...]) -> float:
+        if where not in seen:
+            lengths = tuple(LENGTHS[i] for i in where)
+            seen[where] = _best_noise(matern(apart, lengths), values, noises)
+        return seen[where][0]
+
+    where = _climb((_CENTRE,) * len(points), evidence)
+    return _posterior(points, values, tuple(LENGTHS[i] for i in where), seen[where][1])
+
+
+def distances(one: Points, other: Points) -> tuple[Array, ...]:
+    """Squared Euclidean distances in each group, (n, m)."""
+    found = []
+    for a, b in zip(one, other, strict=True):
+        square = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1)[None, :] - 2.0 * (a @ b.T)
+        found.append(np.maximum(square, 0.0))
+    return tuple(found)
+
+
+def matern(apart: Sequence[Array], lengths: Sequence[float]) -> Array:
+    """Matern kernel with nu = 5/2 of distances in units of the length scales (eq. 4.17)."""
+    scaled = [square / length**2 for square, length in zip(apart, lengths, strict=True)]
+    r = np.sqrt(5.0 * np.sum(scaled, axis=0))
+    return np.asarray((1.0 + r + r**2 / 3.0) * np.exp(-r))
+
+
+def _climb(start: tuple[int, ...], height: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
+    """The end of a steepest climb on the grid; a tie is no step."""
+    here = start
+    while True:
+        around = [
+            (*here[:g], here[g] + step, *here[g + 1 :])
+            for g in range(len(here))
+            for step in (-1, 1)
+            if 0 <= here[g] + step < len(LENGTHS)
+        ]
+        best = max(around, key=height)
+        if height(best) <= height(here):
+            return here
+        here = best
+
+
+def _best_noise(kernel: Array, values: Array, noises: Sequence[float]) -> tuple[float, float]:
+    """Evidence and noise, from one eigen-decomposition; mean and variance are at their best for each."""
+    roots, axes = np.linalg.eigh(kernel)
+    along, ones = axes.T @ values, axes.sum(axis=0)
+    found = []
+    for noise in noises:
+        spectrum = np.maximum(roots, 0.0) + noise
+        mean = np.sum(ones * along / spectrum) / np.sum(ones**2 / spectrum)
+        found.append((_evidence(spectrum, (along - mean * ones) ** 2 / spectrum, ones), noise))
+    return max(found, key=lambda pair: pair[0])
+
+
+def _evidence(spectrum: Array, squares: Array, ones: Array) -> float:
+    """Log marginal likelihood (eq. 5.8), the mean integrated out and the variance at its best (2.44)."""
+    count = len(spectrum)
+    fitted = max(float(np.sum(squares)) / count, _SMALLEST)
+    lost = np.log(np.sum(ones**2 / spectrum))
+    return float(-0.5 * (count * np.log(fitted) + np.sum(np.log(spectrum)) + lost))
+
+
+def _posterior(
+    points: Points,
+    values: Array,
+    lengths: tuple[float, ...],
+    noise: float,
+    fixed: tuple[float, float] | None = None,
+) -> GaussianProcess:
+    kernel = matern(distances(points, points), lengths)
+    factor = np.linalg.cholesky(kernel + max(noise, 1e-8) * np.eye(len(values)))
+    inverse = np.linalg.inv(factor)
+    ones, along = inverse.sum(axis=1), inverse @ values
+    mean, variance = fixed or (float(ones @ along / (ones @ ones)), 0.0)
+    rest = along - mean * ones
+    if fixed is None:
+        variance = max(float(rest @ rest) / len(values), _SMALLEST)
+    return GaussianProcess(points, lengths, noise, mean, variance, inverse, np.asarray(inverse.T @ rest))

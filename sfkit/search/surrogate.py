@@ -1,0 +1,134 @@
+"""A model of the score over recipes: what it sees of a recipe, what it learned from, what it foretells."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sfkit.merging.recipe import Recipe
+from sfkit.search.gaussian_process import Array, GaussianProcess, Points, fit
+
+LARGEST = 400
+"""The most points a model learns from, the best ones; its cost grows with the cube of their number."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """A recipe that was scored before a search began, by whomever.
+
+    Attributes:
+        recipe: over sources of this pool and its blocks.
+        score: on the search's benchmark, lower is better.
+        origin: who asked for it, such as ``"hand edit"``; ``"search"`` where nobody said.
+    """
+
+    recipe: Recipe
+    score: float
+    origin: str = "search"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the model said of a candidate before it was scored.
+
+    Attributes:
+        mean: expected score, in the metric's unit.
+        sd: standard deviation of that, in the same unit.
+        acquisition: lower confidence bound it was chosen by, mean - beta * sd; the smallest was proposed.
+    """
+
+    mean: float
+    sd: float
+    acquisition: float
+
+    def as_record(self) -> dict[str, float]:
+        """Plain values for the history and the journal."""
+        return {"predicted_mean": self.mean, "predicted_sd": self.sd, "acquisition": self.acquisition}
+
+
+NO_PREDICTION = {"predicted_mean": math.nan, "predicted_sd": math.nan, "acquisition": math.nan}
+"""The record of a candidate that no model proposed."""
+
+
+def features(rows: Array, scales: Array) -> Points:
+    """What the model sees of m recipes: groups that have a length scale each.
+
+    Args:
+        rows: routing weights, (m, B, N).
+        scales: module scales, (m, B).
+
+    Returns:
+        Weights at the mean over blocks (m, N), what each block's differ from it by (m, B * N), and scales
+        (m, B), the latter two divided by sqrt(B). All subsets differ in the first group alone.
+    """
+    count, blocks, sources = rows.shape
+    mean = rows.mean(axis=1)
+    apart = (rows - mean[:, None, :]).reshape(count, blocks * sources) / math.sqrt(blocks)
+    return mean, apart, scales / math.sqrt(blocks)
+
+
+def recipe_features(recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]) -> Points:
+    """The features of recipes over some of these sources."""
+    rows: list[list[list[float]]] = []
+    scales: list[list[float]] = []
+    for recipe in recipes:
+        parts = [recipe.of(block) for block in blocks]
+        rows.append([[weights.get(source, 0.0) for source in sources] for weights, _ in parts])
+        scales.append([scale for _, scale in parts])
+    return features(
+        np.array(rows, dtype=np.float64).reshape(len(rows), len(blocks), len(sources)),
+        np.array(scales, dtype=np.float64).reshape(len(rows), len(blocks)),
+    )
+
+
+@dataclass(frozen=True)
+class Surrogate:
+    """A Gaussian process over the feature groups in which its points differ.
+
+    Attributes:
+        process: the fitted model.
+        groups: the feature groups it looks at.
+    """
+
+    process: GaussianProcess
+    groups: tuple[int, ...]
+
+    def predict(self, points: Points) -> tuple[Array, Array]:
+        """Mean and standard deviation of m recipes' scores, in the metric's unit."""
+        return self.process.predict(self._seen(points))
+
+    def believing(self, points: Points) -> Surrogate:
+        """The same after hearing its own mean at these points."""
+        return Surrogate(self.process.believing(self._seen(points)), self.groups)
+
+    def bounds(self, points: Points, beta: float) -> tuple[Array, Array, Array]:
+        """Mean, standard deviation and lower confidence bound mean - beta * sd, (m,) each.
+
+        The bound is rounded to some 9 digits of the signal's deviation, so that what differs by rounding
+        alone ties, and a tie goes to the earlier.
+        """
+        mean, sd = self.predict(points)
+        unit = 1e-9 * math.sqrt(self.process.variance)
+        return mean, sd, np.round((mean - beta * sd) / unit) * unit
+
+    def _seen(self, points: Points) -> Points:
+        return tuple(points[group] for group in self.groups)
+
+
+def learned(points: Points, scores: Array) -> Surrogate:
+    """The model of what was scored; a score that is not finite counts as the worst that is.
+
+    Args:
+        points: features of n >= 2 recipes.
+        scores: (n,), at least one of them finite.
+    """
+    finite = np.isfinite(scores)
+    values = np.where(finite, scores, np.max(scores[finite]))
+    kept = np.sort(np.argsort(values, kind="stable")[:LARGEST])
+    chosen = tuple(group[kept] for group in points)
+    spread = [float(np.max(np.ptp(group, axis=0), initial=0.0)) for group in chosen]
+    groups = tuple(g for g, width in enumerate(spread) if width > 0.0) or (0,)
+    return Surrogate(fit(tuple(chosen[g] for g in groups), values[kept]), groups)
