@@ -42,6 +42,10 @@ from sfkit.merging.saving import read_origin, read_recipe, save_merged
 from sfkit.merging.steps import Drop, Elect, FisherMean, Mean, Trim
 from sfkit.places import open_benchmark, open_benchmarks, open_pool, open_source_data
 from sfkit.search import (
+    BayesianRoutingSearch,
+    BayesianRoutingSettings,
+    BayesianSubsetSearch,
+    BayesianSubsetSettings,
     Constraints,
     Journal,
     LiveSearch,
@@ -58,6 +62,10 @@ __version__ = version("sfkit")
 
 __all__ = [
     "Augmentation",
+    "BayesianRoutingSearch",
+    "BayesianRoutingSettings",
+    "BayesianSubsetSearch",
+    "BayesianSubsetSettings",
     "Benchmark",
     "Calibration",
     "CombinedScorer",

@@ -107,15 +107,18 @@ def score_subsets(
     live = LiveModel(pool)
     found = SubsetScores(pool.names, {}, {})
     for number, mask in enumerate(masks):
-        images = _evaluated(scorer, live, pool.equal(*found.members(mask))).images
+        images = evaluated(scorer, live, pool.equal(*found.members(mask))).images
         found.scores[mask] = scorer.score(images)
         found.quick[mask] = scorer.score(images[:QUICK_PAIRS])
         progress(number + 1, len(masks))
     return found
 
 
-def _evaluated(scorer: Evaluator, live: LiveModel, recipe: Recipe) -> Evaluation:
-    """What the evaluator itself would find and store, computed several pairs at a time."""
+def evaluated(scorer: Evaluator, live: LiveModel, recipe: Recipe) -> Evaluation:
+    """What the evaluator itself would find and store, computed several pairs at a time.
+
+    Of a benchmark whose pairs have one size.
+    """
     description = scorer.describe(recipe)
     key = evaluation_key(description)
     if (held := scorer.store.get(key)) is not None:

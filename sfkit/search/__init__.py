@@ -7,6 +7,8 @@ A search proposes recipes and hears outcomes; it never touches a tensor or an im
 """
 
 from sfkit.search.base import Search, SearchState
+from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.cma_es import Distribution
 from sfkit.search.constraints import Constraints, subset_of, transfer
@@ -19,8 +21,13 @@ from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingState
 from sfkit.search.routing_settings import RoutingSettings
 from sfkit.search.subset import SubsetSearch, SubsetState
+from sfkit.search.surrogate import Known, Prediction
 
 __all__ = [
+    "BayesianRoutingSearch",
+    "BayesianRoutingSettings",
+    "BayesianSubsetSearch",
+    "BayesianSubsetSettings",
     "Candidate",
     "Constraints",
     "Counts",
@@ -28,7 +35,9 @@ __all__ = [
     "Encoding",
     "Generation",
     "Journal",
+    "Known",
     "LiveSearch",
+    "Prediction",
     "RoutingCandidate",
     "RoutingSearch",
     "RoutingSettings",

@@ -26,7 +26,8 @@ from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
 from sfkit.search.operators import SMALLEST, Chromosome, random_chromosome
-from sfkit.search.subset import SubsetCandidate, SubsetSearch, SubsetState
+from sfkit.search.records import SubsetCandidate
+from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import (
     NO_PREDICTION,
     Known,
@@ -36,8 +37,8 @@ from sfkit.search.surrogate import (
     learned,
     recipe_features,
 )
+from sfkit.streams import Stream, generator
 
-_STREAM = 3
 _TRIES = 1000
 
 
@@ -98,7 +99,8 @@ class BayesianSubsetSearch(SubsetSearch):
 
     Generation 0 scores every source alone, takes up what is known already, at no cost where the scorer has
     it in its store, and scores random subsets where that is less than ``population``. Every further
-    generation proposes ``batch`` subsets nobody has scored. Generation t draws from ``numpy.random.default_rng([seed, 3, t])`` alone.
+    generation proposes ``batch`` subsets nobody has scored. Generation t draws from
+    ``generator(seed, Stream.BAYESIAN_SUBSETS, t)`` alone.
     """
 
     settings: BayesianSubsetSettings
@@ -155,6 +157,11 @@ class BayesianSubsetSearch(SubsetSearch):
         return super().reason
 
     @property
+    def initial(self) -> int:
+        """Candidates of generation 0."""
+        return len(self._first(self._rng(0))[0])
+
+    @property
     def best(self) -> SubsetCandidate | None:
         """The best subset so far, the earlier one of a tie; None where nothing has a finite score."""
         return next(iter(self.archive(1)), None)
@@ -174,7 +181,7 @@ class BayesianSubsetSearch(SubsetSearch):
     def _advance(self) -> None:
         state = self._state
         generation = state.generation + 1
-        rng = np.random.default_rng([int(self.settings.seed), _STREAM, generation])
+        rng = self._rng(generation)
         drafts, told = self._first(rng) if generation == 0 else self._proposed(rng)
         fresh = tuple(
             ProposedSubset(**vars(candidate), prediction=prediction)
@@ -185,6 +192,9 @@ class BayesianSubsetSearch(SubsetSearch):
         best = sorted(subsets, key=lambda c: c.rank)
         population = tuple(c.number for c in best[: int(self.settings.population)])
         self._state = SubsetState(generation, candidates, (*state.populations, population))
+
+    def _rng(self, generation: int) -> np.random.Generator:
+        return generator(int(self.settings.seed), Stream.BAYESIAN_SUBSETS, generation)
 
     def _first(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
         """Starts, what is known, all sources together, then random subsets, each once."""

@@ -53,6 +53,11 @@ class SubsetSettings:
     survival: str = "tournament"
     seed: int = 0
 
+    @property
+    def offspring(self) -> int:
+        """Candidates that a generation creates; they come in pairs."""
+        return int(self.population) + int(self.population) % 2
+
     def __post_init__(self) -> None:
         require_whole("population", self.population, 2)
         require_whole("generations", self.generations, 0)

@@ -100,7 +100,7 @@ def most_candidates(search: Search[Any]) -> int:
         InputError: a search that is neither Stage 1 nor Stage 2.
     """
     if isinstance(search, SubsetSearch):
-        return _stage1(search.settings.population, search.settings.generations)
+        return search.most
     if isinstance(search, RoutingSearch):
         return int(search.settings.evaluations)
     raise InputError(f"search: found a {type(search).__name__}, expected SubsetSearch or RoutingSearch")
@@ -112,8 +112,9 @@ def next_size(search: Search[Any]) -> int:
     if isinstance(search, RoutingSearch):
         size = 1 + (search.start is not None) if search.generation < 0 else search.population
     else:
-        population = int(search.settings.population) if isinstance(search, SubsetSearch) else left
-        size = population if search.generation < 0 else population + population % 2
+        size = left
+        if isinstance(search, SubsetSearch):
+            size = search.initial if search.generation < 0 else search.settings.offspring
     return min(size, left)
 
 
@@ -140,11 +141,7 @@ def watched_progress(records: Iterable[Mapping[str, Any]], search: str) -> Progr
     ended = run[-1] if run[-1]["event"] == "end" else {}
     counts = Counts(**_known(last.get("counts", {})))
     first_stage = search == SubsetSearch.kind
-    total = (
-        _stage1(settings["population"], settings["generations"])
-        if first_stage
-        else int(settings["evaluations"])
-    )
+    total = _most(start) if first_stage else int(settings["evaluations"])
     return Progress(
         stage=STAGES[search],
         phase=_phase(ended.get("reason")),
@@ -161,9 +158,12 @@ def watched_progress(records: Iterable[Mapping[str, Any]], search: str) -> Progr
     )
 
 
-def _stage1(population: int, generations: int) -> int:
-    # Offspring come in pairs: an odd population breeds one more than its size.
-    return int(population) + int(generations) * (int(population) + int(population) % 2)
+def _most(start: Mapping[str, Any]) -> int:
+    """The most candidates of Stage 1; a journal from before it said so is of the paper's search."""
+    if "most" in start:
+        return int(start["most"])
+    population, generations = int(start["settings"]["population"]), int(start["settings"]["generations"])
+    return population + generations * (population + population % 2)
 
 
 def _phase(reason: str | None) -> Phase:

@@ -101,6 +101,16 @@ class SubsetSearch(Search[SubsetCandidate]):
         return f"all {self.settings.generations} generations are done" if over else None
 
     @property
+    def initial(self) -> int:
+        """Candidates of generation 0."""
+        return int(self.settings.population)
+
+    @property
+    def most(self) -> int:
+        """The most candidates there will be."""
+        return self.initial + int(self.settings.generations) * self.settings.offspring
+
+    @property
     def population(self) -> tuple[SubsetCandidate, ...]:
         """The current population P_t; empty before the first step."""
         return _members(self._state)
@@ -186,6 +196,7 @@ class SubsetSearch(Search[SubsetCandidate]):
             "constraints": self.constraints,
             "start": [[self.sources[gene] for gene in chromosome] for chromosome in self._starts],
             "subsets": self.space.subsets,
+            "most": self.most,
         }
 
     def _details(self) -> dict[str, Any]:

@@ -1,0 +1,268 @@
+"""Stage 2 by Bayesian optimisation: a model of the score over weights and scales proposes what to score.
+
+Stage 1's evaluations are points of the same space, all scales 1, so that the model knows something before
+the first one of Stage 2. Proposals come from a trust region around the best so far that grows while it finds
+something and shrinks while it does not (Eriksson et al. 2019, TuRBO); one that has become too small begins
+again at its first size, the model keeping all it knows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from sfkit.evaluation.outcome import Scorer
+from sfkit.merging.recipe import Recipe
+from sfkit.search.checks import require_between, require_positive, require_whole
+from sfkit.search.cma_es import Distribution
+from sfkit.search.constraints import Constraints
+from sfkit.search.encoding import Vector
+from sfkit.search.gaussian_process import Array, Points
+from sfkit.search.journal import Journal
+from sfkit.search.routing import RoutingSearch
+from sfkit.search.routing_records import RoutingCandidate, RoutingState
+from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.surrogate import (
+    NO_PREDICTION,
+    Known,
+    Prediction,
+    Surrogate,
+    features,
+    learned,
+    recipe_features,
+)
+from sfkit.streams import Stream, generator
+
+_DRAWN = 256
+_ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class BayesianRoutingSettings(RoutingSettings):
+    """Settings of Stage 2 by a model; what is not named here is as in :class:`RoutingSettings`.
+
+    Attributes:
+        evaluations: 80 by default.
+        batch: q, candidates proposed at a time.
+        beta: standard deviations that the bound lies below the mean.
+        sigma: first radius of the trust region, a standard deviation of x.
+        patience: evaluations without a better one after which the region halves; half as many better ones
+            in a row double it.
+        smallest: radius below which a region ends, and the next begins at ``sigma``.
+        holdout: 0 alone; population, converge, tolfun and tolx are CMA-ES's and not used here.
+
+    Raises:
+        InputError: a value out of its range.
+    """
+
+    evaluations: int = 80
+    batch: int = 1
+    beta: float = 1.0
+    patience: int = 8
+    smallest: float = 0.02
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_whole("batch", self.batch, 1)
+        require_between("beta", self.beta, 0.0)
+        require_whole("patience", self.patience, 1)
+        require_positive("smallest", self.smallest)
+        require_between("holdout", self.holdout, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProposedRouting(RoutingCandidate):
+    """A vector, its recipe, and what the model said of it before.
+
+    Attributes:
+        prediction: of the penalised score; None where no model proposed it.
+    """
+
+    prediction: Prediction | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain values for the history and the journal."""
+        told = NO_PREDICTION if self.prediction is None else self.prediction.as_record()
+        return {**super().as_record(), **told}
+
+
+class BayesianRoutingSearch(RoutingSearch):
+    """Stage 2 over the sources of a subset by a model; see :class:`BayesianRoutingSettings`.
+
+    Generation 0 scores x = 0, and ``start`` where one is given; every further one is a batch of proposals.
+    Generation t draws from ``generator(seed, Stream.BAYESIAN_ROUTING, t)`` alone.
+    """
+
+    settings: BayesianRoutingSettings
+
+    def __init__(
+        self,
+        sources: Iterable[str],
+        blocks: Iterable[str],
+        scorer: Scorer,
+        settings: BayesianRoutingSettings | None = None,
+        *,
+        constraints: Constraints | None = None,
+        start: Recipe | None = None,
+        known: Iterable[Known] = (),
+        journal: Journal | None = None,
+    ) -> None:
+        """Check everything; nothing is scored before the first step.
+
+        Args:
+            sources: names of the subset's sources, at least two.
+            blocks: names of the blocks, in the partition's order.
+            scorer: hears recipes, answers outcomes.
+            settings: budget, trust region and the like.
+            constraints: frozen blocks, and limits the subset must meet.
+            start: a recipe over these sources, scored right after x = 0.
+            known: what was scored before, over any sources, such as by Stage 1; the model alone sees it.
+            journal: where to write what happens, for viewers.
+
+        Raises:
+            InputError: as :class:`~sfkit.search.routing.RoutingSearch`.
+        """
+        super().__init__(
+            sources,
+            blocks,
+            scorer,
+            settings or BayesianRoutingSettings(),
+            constraints=constraints,
+            start=start,
+            journal=journal,
+        )
+        self.known = tuple(known)
+        elsewhere = {name for entry in self.known for name in entry.recipe.sources} - set(self.sources)
+        self._names = (*self.sources, *sorted(elsewhere))
+        self._seen = recipe_features((k.recipe for k in self.known), self._names, self.blocks)
+
+    @property
+    def population(self) -> int:
+        """Candidates in one generation."""
+        return int(self.settings.batch)
+
+    @property
+    def reason(self) -> str | None:
+        """Why no step is left, None where one is."""
+        over = len(self._state.candidates) >= self.settings.evaluations
+        return f"the budget of {self.settings.evaluations} evaluations is used up" if over else None
+
+    @property
+    def history(self) -> pd.DataFrame:
+        """One row a candidate: the columns of Stage 2, then ``predicted_mean``, ``predicted_sd`` and
+        ``acquisition`` in the score's unit (NaN where no model proposed it).
+        """
+        told = [candidate.as_record() for candidate in self._state.candidates]
+        return super().history.join(pd.DataFrame(told, columns=list(NO_PREDICTION)))
+
+    def _advance(self) -> None:
+        state = self._state
+        generation = state.generation + 1
+        left = int(self.settings.evaluations) - len(state.candidates)
+        told: list[Prediction | None]
+        if generation == 0:
+            vectors, origins, recipes = self._first()
+            told = [None] * len(vectors)
+        else:
+            rng = generator(int(self.settings.seed), Stream.BAYESIAN_ROUTING, generation)
+            vectors, told = self._proposed(rng, min(self.population, left))
+            origins = ["sample"] * len(vectors)
+            recipes = [self.encoding.decode(x) for x in vectors]
+        region = self._region()
+        scored = self._scored(vectors[:left], origins[:left], recipes[:left], region, generation)
+        fresh = tuple(
+            ProposedRouting(**vars(candidate), prediction=prediction)
+            for candidate, prediction in zip(scored, told, strict=False)
+        )
+        self._state = RoutingState(generation, (*state.candidates, *fresh), region)
+
+    def _region(self) -> Distribution:
+        """The trust region: around the best, as wide as the course of the search says."""
+        best, radius = self.best, float(self.settings.sigma)
+        lowest, good, bad = math.inf, 0, 0
+        for candidate in self._state.candidates:
+            better = candidate.fitness < lowest
+            lowest = min(lowest, candidate.fitness)
+            if candidate.origin != "sample":
+                continue
+            good, bad = (good + 1, 0) if better else (0, bad + 1)
+            if 2 * good >= self.settings.patience:
+                radius, good = min(2.0 * radius, 4.0 * float(self.settings.sigma)), 0
+            elif bad >= self.settings.patience:
+                radius, bad = radius / 2.0, 0
+            if radius < self.settings.smallest:
+                radius = float(self.settings.sigma)
+        centre = tuple(self._mean()) if best is None else best.x
+        return Distribution(tuple(float(m) for m in centre), radius, (radius,) * self.encoding.dimension)
+
+    def _proposed(self, rng: np.random.Generator, count: int) -> tuple[list[Vector], list[Prediction | None]]:
+        """The next batch: each has the smallest bound, by a model that believes in those before it."""
+        region, model = self._region(), self._model()
+        centre = np.array(region.mean)
+        vectors: list[Vector] = []
+        told: list[Prediction | None] = []
+        for _ in range(count):
+            if model is None:
+                x, prediction = centre + region.sigma * rng.standard_normal(centre.size), None
+            else:
+                x, prediction = self._acquired(model, centre, region.sigma, rng)
+                model = model.believing(self._points(x[None, :]))
+            vectors.append(x)
+            told.append(prediction)
+        return vectors, told
+
+    def _acquired(
+        self, model: Surrogate, centre: Vector, radius: float, rng: np.random.Generator
+    ) -> tuple[Vector, Prediction]:
+        """The smallest bound among draws in the region, then among draws nearer and nearer around it."""
+        beta = float(self.settings.beta)
+        around, reach, found = centre, radius, (math.inf, math.inf, math.inf)
+        chosen = centre
+        for turn in range(_ROUNDS):
+            draws = around + reach * rng.standard_normal((_DRAWN, centre.size))
+            if turn == 0:  # some move along a few axes alone
+                draws = np.where(rng.random(draws.shape) < rng.random((_DRAWN, 1)), draws, around)
+            mean, sd, bound = model.bounds(self._points(draws), beta)
+            bound = bound + self._penalties(draws)
+            first = int(np.argmin(bound))
+            if bound[first] < found[2]:
+                chosen, found = draws[first], (float(mean[first]), float(sd[first]), float(bound[first]))
+            around, reach = chosen, reach / 3.0
+        return chosen, Prediction(*found)
+
+    def _model(self) -> Surrogate | None:
+        """What this search's candidates and everything scored before tell; None where nothing has a score."""
+        own = [candidate for candidate in self._state.candidates if not candidate.repeated]
+        scores = np.array([*(c.score for c in own), *(entry.score for entry in self.known)])
+        if len(scores) < 2 or not np.isfinite(scores).any():
+            return None
+        mine = recipe_features((c.recipe for c in own), self._names, self.blocks)
+        return learned(tuple(np.concatenate(groups) for groups in zip(mine, self._seen, strict=True)), scores)
+
+    def _points(self, draws: Array) -> Points:
+        """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""
+        encoding, count = self.encoding, len(self.sources)
+        logits = np.stack([encoding.logits(x) for x in draws])
+        powers = np.exp(logits - logits.max(axis=2, keepdims=True))
+        rows = np.zeros((len(draws), len(self.blocks), len(self._names)))
+        scales = np.ones((len(draws), len(self.blocks)))
+        rows[:, :, :count] = 1.0 / count
+        free = [self.blocks.index(block) for block in encoding.free]
+        moved = slice(None) if encoding.tied else free
+        rows[:, moved, :count] = powers / powers.sum(axis=2, keepdims=True)
+        if encoding.scaled:
+            half = (encoding.gamma[1] - encoding.gamma[0]) / 2.0
+            scales[:, free] = 1.0 + half * np.tanh(draws[:, -len(free) :] / 2.0)
+        return features(rows, scales)
+
+    def _penalties(self, draws: Array) -> Array:
+        """What F(x) adds to the score of each vector (eq. 13, and the shrinkage)."""
+        if self.settings.entropy == 0 and self.settings.shrinkage == 0:
+            return np.zeros(len(draws))
+        zero = self._state.candidates[0].outcome
+        return np.array([self._penalty(x, self.encoding.decode(x), zero) for x in draws])
