@@ -17,7 +17,7 @@ import torch.nn.functional as F
 from nmrf_fill import fill
 
 from sfkit.architectures import NMRF, architecture
-from sfkit.architectures.nmrf.seeds import SUPPRESSED, pick_seeds
+from sfkit.architectures.nmrf.proposals import SUPPRESSED, pick_seeds
 
 CASES = ("a", "b")  # 128 x 256, and 120 x 250, which needs padding
 

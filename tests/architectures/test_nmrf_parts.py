@@ -11,14 +11,13 @@ import torch.nn.functional as F
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sfkit.architectures.nmrf import heads
-from sfkit.architectures.nmrf.cost_volume import GROUPS, cost_volume
-from sfkit.architectures.nmrf.deformable import HEADS, POINTS, DeformableAttention
-from sfkit.architectures.nmrf.disparity_code import EIGHTH_UNIT, LENGTH, QUARTER_UNIT, disparity_code
+from sfkit.architectures.nmrf import layers
+from sfkit.architectures.nmrf.inference import CandidateMessages, MessageStack, RelativeAttention
+from sfkit.architectures.nmrf.layers import EIGHTH_UNIT, LENGTH, QUARTER_UNIT, disparity_code
 from sfkit.architectures.nmrf.matching import MatchingFeatures, warp
-from sfkit.architectures.nmrf.messages import CandidateMessages, MessageStack, RelativeAttention
+from sfkit.architectures.nmrf.neck import HEADS, POINTS, DeformableAttention
 from sfkit.architectures.nmrf.propagation import StripeAttention, _other_pixels_or_self, cost_patches
-from sfkit.architectures.nmrf.seeds import pick_seeds
+from sfkit.architectures.nmrf.proposals import GROUPS, cost_volume, pick_seeds
 from sfkit.architectures.nmrf.swin import SwinBackbone
 
 
@@ -233,7 +232,7 @@ def test_deformable_attention_pair_by_pair() -> None:
 
 def test_spread_writes_sub_pixels_row_by_row() -> None:
     blocks = torch.arange(2 * 3 * 4).reshape(1, 2, 3, 1, 4)
-    pixels = heads.spread(blocks, 2)[0, :, :, 0]
+    pixels = layers.spread(blocks, 2)[0, :, :, 0]
     for y, x in np.ndindex(4, 6):
         assert pixels[y, x] == blocks[0, y // 2, x // 2, 0, 2 * (y % 2) + x % 2]
 
@@ -241,12 +240,12 @@ def test_spread_writes_sub_pixels_row_by_row() -> None:
 def test_winner_is_the_first_of_the_best() -> None:
     disparity = torch.tensor([[[[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]]])
     score = torch.tensor([[[[0.0, 7.0, 7.0], [1.0, 0.0, 0.0]]]])
-    assert heads.winner(disparity, score).tolist() == [[[2.0, 4.0]]]
+    assert layers.winner(disparity, score).tolist() == [[[2.0, 4.0]]]
 
 
 def test_lower_median_takes_the_lower_middle_value() -> None:
     block = torch.arange(16.0).flip(0).reshape(1, 4, 4)
-    assert heads.lower_median(torch.cat((block, block + 100), 2), 4).tolist() == [[[7.0, 107.0]]]
+    assert layers.lower_median(torch.cat((block, block + 100), 2), 4).tolist() == [[[7.0, 107.0]]]
 
 
 def test_stochastic_depth_follows_its_generator_and_rests_in_evaluation() -> None:

@@ -12,8 +12,7 @@ import torch
 from tiny import fine_tune
 
 from sfkit.architectures import NMRF, architecture
-from sfkit.architectures.nmrf.losses import losses
-from sfkit.architectures.nmrf.training import CLIP_NORM, parameter_groups
+from sfkit.architectures.nmrf.training import CLIP_NORM, losses, parameter_groups
 from sfkit.checkpoints import FileForm, Member, PoolSpec
 from sfkit.cli import main
 from sfkit.datasets.benchmark import memory_benchmark

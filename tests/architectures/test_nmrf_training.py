@@ -9,8 +9,14 @@ from nmrf_fill import fill
 
 from sfkit.architectures import NMRF, architecture
 from sfkit.architectures.nmrf import Coarse, Estimate
-from sfkit.architectures.nmrf.losses import Losses, LossWeights, losses, target_histogram
-from sfkit.architectures.nmrf.training import CLIP_NORM, parameter_groups
+from sfkit.architectures.nmrf.training import (
+    CLIP_NORM,
+    Losses,
+    LossWeights,
+    losses,
+    parameter_groups,
+    target_histogram,
+)
 from sfkit.errors import InputError
 
 NAMES = ("nmrf-res", "nmrf-swint")

@@ -9,10 +9,9 @@ from enum import StrEnum
 from torch import nn
 
 from sfkit.architectures.inputs import InputConvention
-from sfkit.architectures.nmrf.cost_volume import STRIDE
-from sfkit.architectures.nmrf.encoder import SwinEncoder
+from sfkit.architectures.nmrf.encoders import ResidualEncoder, SwinEncoder
 from sfkit.architectures.nmrf.network import CANDIDATES, NMRF
-from sfkit.architectures.nmrf.resnet import ResidualEncoder
+from sfkit.architectures.nmrf.proposals import STRIDE
 from sfkit.architectures.nmrf.state_dicts import (
     CONSTANTS,
     RESNET_BLOCKS,

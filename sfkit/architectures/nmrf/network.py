@@ -17,13 +17,10 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from sfkit.architectures.nmrf.cost_volume import STRIDE
-from sfkit.architectures.nmrf.heads import lower_median, spread, winner
-from sfkit.architectures.nmrf.inference import Inference
+from sfkit.architectures.nmrf.inference import Inference, Refinement
+from sfkit.architectures.nmrf.layers import Head, lower_median, spread, winner
 from sfkit.architectures.nmrf.matching import CONCAT_WIDTH, GROUP_WIDTH, MatchingFeatures, projection
-from sfkit.architectures.nmrf.perceptron import Head
-from sfkit.architectures.nmrf.proposals import ProposalNetwork
-from sfkit.architectures.nmrf.refinement import Refinement
+from sfkit.architectures.nmrf.proposals import STRIDE, ProposalNetwork
 from sfkit.errors import InputError
 
 WIDTH = 128

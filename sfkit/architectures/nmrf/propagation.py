@@ -6,8 +6,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from sfkit.architectures.nmrf.disparity_code import EIGHTH_UNIT, LENGTH, disparity_code
-from sfkit.architectures.nmrf.perceptron import FeedForward
+from sfkit.architectures.nmrf.layers import EIGHTH_UNIT, LENGTH, FeedForward, disparity_code
 
 LAYERS = 5
 STRIPE_HEADS = 2

@@ -1,4 +1,8 @@
-"""The disparity proposal network: four refined disparities a pixel at 1/8 resolution."""
+"""The disparity proposal network: four refined disparities a pixel at 1/8 resolution.
+
+Group-wise correlation gives each bin of 8 px a probability; the likeliest bins are seeds, which messages
+along rows and columns (``propagation``) refine to labels.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +12,55 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from sfkit.architectures.nmrf.cost_volume import GROUPS, cost_volume
+from sfkit.architectures.nmrf.layers import Head
 from sfkit.architectures.nmrf.matching import projection
-from sfkit.architectures.nmrf.perceptron import Head
 from sfkit.architectures.nmrf.propagation import Propagation
-from sfkit.architectures.nmrf.seeds import pick_seeds
+
+GROUPS = 4
+STRIDE = 8  # one disparity bin is eight pixels
+
+
+def cost_volume(left: torch.Tensor, right: torch.Tensor, bins: int) -> torch.Tensor:
+    """Mean product of the features of (x, y) on the left and (x - d, y) on the right, by channel group.
+
+    Args:
+        left: (B, F, h, w) features at 1/8 resolution.
+        right: the same of the right image.
+        bins: D, the number of disparities d = 0 .. D - 1, in units of 1/8 px (8 px of the image).
+
+    Returns:
+        (B, h, w, G, D); exactly 0 where x < d.
+    """
+    batch, channels, height, width = left.shape
+    # All pairs of one row at once: a matrix product is cheaper than D shifted products, and small.
+    shape = (batch, GROUPS, channels // GROUPS, height, width)
+    a = left.reshape(shape).permute(0, 3, 1, 4, 2)
+    b = right.reshape(shape).permute(0, 3, 1, 2, 4)
+    pairs = (a @ b) / (channels // GROUPS)
+    x = torch.arange(width, device=left.device)
+    matching = x[:, None] - torch.arange(bins, device=left.device)[None, :]
+    index = matching.clamp(min=0).expand(*pairs.shape[:3], width, bins)
+    cost = pairs.gather(-1, index).masked_fill(matching < 0, 0.0)
+    return cost.transpose(2, 3)
+
+
+SUPPRESSED = 1e-3
+
+
+def pick_seeds(prob: torch.Tensor, count: int) -> torch.Tensor:
+    """Probabilities (..., D) -> the ``count`` seeds (..., count) int64, in units of 1/8 px, likeliest first.
+
+    Bins that are no local maximum and exceed 1e-3 are set to exactly 1e-3, so plateaus survive whole
+    and smaller bins rank below the suppressed ones. Ties are the rule where a pixel has fewer maxima
+    than ``count``; ``torch.topk`` does not define their order (NMRF does the same), so the seeds of
+    such pixels may differ between devices and PyTorch versions.
+    """
+    with torch.no_grad():
+        flat = prob.reshape(-1, 1, prob.shape[-1])
+        peak = F.max_pool1d(flat, 3, stride=1, padding=1).reshape(prob.shape)
+        suppressed = (prob != peak) & (prob > SUPPRESSED)
+        return prob.masked_fill(suppressed, SUPPRESSED).topk(count, dim=-1).indices
+
 
 CONTEXT_WIDTH = 64
 

@@ -13,7 +13,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from sfkit.architectures.nmrf import windows
-from sfkit.architectures.nmrf.perceptron import FeedForward
+from sfkit.architectures.nmrf.layers import FeedForward
 
 EMBED = 96
 DEPTHS = (2, 2, 6, 2)
