@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from browser_stage import Stage
+from browser_stage import Stage, assert_becomes
 from sfkit_widgets import RoutingInspector
 from tiny import write_pairs, write_pool
 
@@ -80,7 +80,8 @@ def pixels(shown: Stage, caption: str) -> str:
         .filter(has_text=caption)
         .locator("img")
         .evaluate(
-            """(image) => {
+            """async (image) => {
+            await image.decode();
             const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d");
             canvas.drawImage(image, 0, 0);
             return String(canvas.getImageData(0, 0, image.naturalWidth, image.naturalHeight).data);
@@ -119,7 +120,7 @@ def test_dragging_a_weight_moves_its_row_and_the_pictures(shown: Stage) -> None:
 def test_a_click_edits_nothing_and_selects(shown: Stage) -> None:
     shown.page.locator(cell(shown, "neck", "b")).click()
     assert shown.messages() == []
-    assert shown.root.get_by_role("button", name="Lock b in neck").is_enabled()
+    assert_becomes(shown.page, shown.root.get_by_role("button", name="Lock b in neck").is_enabled, True)
 
 
 @pytest.mark.parametrize("typed", ["0.8", ",8", "80%"])
@@ -129,8 +130,8 @@ def test_typing_a_weight(shown: Stage, typed: str) -> None:
     shown.page.keyboard.press("Enter")
     painted(shown)
     assert weights(shown)[1] == ["0.80", "0.10", "0.10"]
-    focused = shown.page.evaluate("document.activeElement.getAttribute('aria-label')")
-    assert focused == "neck, a: 0.800"
+    focused = "document.activeElement.getAttribute('aria-label')"
+    assert_becomes(shown.page, lambda: shown.page.evaluate(focused), "neck, a: 0.800")
 
 
 def test_what_is_no_weight_is_not_taken(shown: Stage) -> None:
@@ -298,7 +299,7 @@ def test_pins_are_compared_and_blinked(shown: Stage) -> None:
     inspector(shown).settle()
     shown.page.wait_for_function("() => !document.querySelector('.scores').innerText.includes('scoring')")
     said = f"pairs: bad-2.0 {inspector(shown).scores['value']:.2f} %"
-    assert shown.root.locator("[aria-live]").inner_text() == said
+    assert_becomes(shown.page, shown.root.locator("[aria-live]").inner_text, said)
     shown.root.get_by_role("button", name="Pin B").click()
     painted(shown)
     table = shown.root.get_by_role("table")
@@ -309,17 +310,16 @@ def test_pins_are_compared_and_blinked(shown: Stage) -> None:
     edited = pixels(shown, "disparity")
     shown.root.get_by_role("button", name="A", exact=True).click()
     shown.page.wait_for_selector("figcaption:has-text('disparity of A')")
-    shown.page.wait_for_function("() => document.querySelector('.sfkit').dataset.painted")
-    assert pixels(shown, "disparity of A") != edited
+    assert_becomes(shown.page, lambda: pixels(shown, "disparity of A") != edited, True)
     shown.root.get_by_role("button", name="Blink").click()
     for name in ("B", "A", "B"):
         shown.page.wait_for_selector(f"figcaption:has-text('disparity of {name}')")
     shown.root.get_by_role("button", name="Blink").click()
-    assert shown.root.locator("figcaption", has_text="of ").count() == 0
+    assert_becomes(shown.page, shown.root.locator("figcaption", has_text="of ").count, 0)
     for name in "AB":
         shown.root.get_by_role("button", name=f"Unpin {name}").click()
     shown.settled()
-    assert not shown.root.get_by_role("button", name="Blink").is_visible()
+    assert_becomes(shown.page, shown.root.get_by_role("button", name="Blink").is_visible, False)
 
 
 def test_another_pair(shown: Stage) -> None:
@@ -328,7 +328,7 @@ def test_another_pair(shown: Stage) -> None:
     shown.root.get_by_label("Image pair").select_option("pair1")
     painted(shown)
     assert inspector(shown).pair == "pair1"
-    assert pixels(shown, "left image") != before
+    assert_becomes(shown.page, lambda: pixels(shown, "left image") != before, True)
 
 
 def test_recipes_are_loaded_and_networks_saved(
@@ -346,7 +346,7 @@ def test_recipes_are_loaded_and_networks_saved(
     shown.root.get_by_role("button", name="Save network").click()
     shown.settled()
     assert sfkit.read_recipe(target) == inspector(shown).recipe
-    assert f"saved as {target}" in shown.root.inner_text()
+    shown.root.get_by_text(f"saved as {target}").wait_for()
     text.fill("{}")
     shown.root.get_by_role("button", name="Load this text").click()
     shown.settled()
@@ -385,9 +385,9 @@ def test_a_saved_notebook_shows_the_last_state(stage: Open, evaluator: sfkit.Eva
     shown = stage(dark=dark)
     shown.show_state(widget)
     assert weights(shown)[1] == ["0.90", "0.05", "0.05"]
-    shown.page.wait_for_function("() => document.querySelector('.sfkit').dataset.painted")
-    sizes = shown.root.locator("figure img").evaluate_all("all => all.map((i) => i.naturalWidth)")
-    assert sizes == [96, 96, 96, 96]
+    images = shown.root.locator("figure img")
+    widths = "all => all.map((image) => image.naturalWidth)"
+    assert_becomes(shown.page, lambda: images.evaluate_all(widths), [96, 96, 96, 96])
     assert shown.root.get_attribute("data-theme") == ("dark" if dark else "light")
 
 

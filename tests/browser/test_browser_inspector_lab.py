@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from browser_lab import Notebook
+from browser_stage import assert_becomes
 
 pytestmark = pytest.mark.browser
 
@@ -77,7 +78,7 @@ def test_in_jupyterlab(lab: Opened) -> None:
     notebook.save()
     notebook.reload()
     notebook.page.wait_for_selector(".sfkit-inspector [role=gridcell]")
-    assert root.get_by_role("grid").inner_text() == weights
+    assert_becomes(notebook.page, root.get_by_role("grid").inner_text, weights)
     drag(notebook, "neck, a", up=400)
     assert recipe(notebook, "neck")["a"] == 1.0, "the widget is live again"
 
@@ -96,7 +97,7 @@ def test_the_widget_answers_beside_a_busy_cell(lab: Opened) -> None:
     number.fill("0.5")
     number.press("Enter")
     notebook.ran(2)
-    assert notebook.page.get_by_text("left", exact=True).count() == 1
+    assert_becomes(notebook.page, notebook.page.get_by_text("left", exact=True).count, 1)
 
 
 def test_a_saved_notebook_shows_the_last_state_without_a_kernel(lab: Opened) -> None:
@@ -108,7 +109,7 @@ def test_a_saved_notebook_shows_the_last_state_without_a_kernel(lab: Opened) -> 
     notebook.server.end_kernels()
     again = lab("inspector/saved.ipynb")
     again.page.wait_for_selector(".sfkit-inspector [role=gridcell]")
-    assert again.page.get_by_role("grid").inner_text() == weights
+    assert_becomes(again.page, again.page.get_by_role("grid").inner_text, weights)
     drawn = "[...document.querySelectorAll('.sfkit figure img')].filter((i) => i.naturalWidth === 96)"
     again.page.wait_for_function(f"() => {drawn}.length === 4")
 

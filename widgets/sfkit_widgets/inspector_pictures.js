@@ -32,6 +32,7 @@ export class Picture {
     this.url = "";
     /** @type {DataView | null} */
     this.bytes = null;
+    this.swapped = Promise.resolve();
     this.resize([height, width]);
   }
 
@@ -47,8 +48,15 @@ export class Picture {
   async show(bytes, words) {
     this.words.textContent = words;
     this.image.alt = words;
-    if (bytes === this.bytes) return;
-    this.bytes = bytes;
+    if (bytes !== this.bytes) {
+      this.bytes = bytes;
+      this.swapped = this.swap(bytes);
+    }
+    await this.swapped;
+  }
+
+  /** @param {DataView} bytes */
+  async swap(bytes) {
     const url = imageUrl(bytes, "image/jpeg");
     const next = new Image();
     next.src = url;
@@ -134,6 +142,7 @@ class Shown {
     this.disparity = disparity;
     this.error = error;
     this.shown = EDITED;
+    this.drawing = 0; // the latest of the drawings, which alone tells when it is done
     this.clock = 0;
     this.choices = element("div", { role: "group", "aria-label": "Recipe on show", class: "buttons" });
     this.blink = element("button", { type: "button", "aria-pressed": "false" }, "Blink");
@@ -185,9 +194,12 @@ class Shown {
     const size = reduction > 1 ? ` (at 1/${reduction} size)` : "";
     const picture = (/** @type {string} */ name) => (held ? held[name] : this.model.get(`${name}_picture`));
     const sent = this.view.root.dataset.acknowledged ?? "0";
+    const drawing = (this.drawing += 1);
     Promise.all([
       this.disparity.show(picture("disparity"), `disparity${of}${size}`),
       this.error.show(picture("error"), `error${of}${size}`),
-    ]).then(() => (this.view.root.dataset.painted = sent));
+    ]).then(() => {
+      if (drawing === this.drawing) this.view.root.dataset.painted = sent;
+    });
   }
 }
