@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from bank_page import conclusions, markdown, write_report
+from bank_pictures import colours, strip, write_picture
+from bank_scores import BankScores
 
 from sfkit import bank
-from sfkit.bank.conclusions import conclusions
-from sfkit.bank.pictures import colours, strip, write_picture
-from sfkit.bank.report import markdown, write_report
-from sfkit.bank.scores import BankScores
 from sfkit.datasets import Sample
 
 
