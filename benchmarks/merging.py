@@ -20,9 +20,8 @@ import torch
 from memory import SOURCES, Record, World, bandwidth, best_of
 from ties import measure as measure_ties
 
-from sfkit.merging.linear import merge_flat, merge_many
+from sfkit.merging.linear import merge_flat
 
-BATCH = 8
 TIES_ELEMENTS = 50_000_000
 TIES_DENSITY = 0.2
 
@@ -35,21 +34,16 @@ def measure(elements: int, threads: int) -> list[Record]:
     size = world.layout.size
     records = []
 
-    def record(name: str, seconds: float, vectors: float, recipes: int = 1) -> None:
-        # What must move for one recipe: its share of the vectors and the base read, its result written.
-        limit = 4 * size * (vectors / recipes + 1 / recipes + 1) / triad
-        records.append(Record(name, size, threads, 1e3 * seconds / recipes, 1e3 * limit))
+    def record(name: str, seconds: float, vectors: float) -> None:
+        # What must move: the vectors and the base read, the result written.
+        limit = 4 * size * (vectors + 2) / triad
+        records.append(Record(name, size, threads, 1e3 * seconds, 1e3 * limit))
 
     check(world)
     full, few = world.equal(SOURCES), world.equal(3)
     record("ours, 11 sources", best_of(lambda: world.merge(full)), SOURCES)
     record("ours, 12 blocks routed", best_of(lambda: world.merge(world.routed(0))), SOURCES)
     record("ours, 3 of 11 sources", best_of(lambda: world.merge(few)), 3)
-    batch = [world.routed(seed) for seed in range(BATCH)]
-    outs = torch.empty(BATCH, size)
-    together = best_of(lambda: merge_many(batch, world.layout, world.base, world.vectors, outs), 3)
-    record("ours, 8 recipes together", together, SOURCES, BATCH)
-    outs = torch.empty(0)
     # What task vectors in one buffer would allow, by one call of BLAS: no pool holds them so.
     weights = torch.full((1, SOURCES), 1 / SOURCES)
     target, base = world.out.unsqueeze(0), world.base.unsqueeze(0)

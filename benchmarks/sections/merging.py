@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from merging import BATCH
 from pictures import bars, picture
 from processes import call, shown
 
@@ -28,17 +27,12 @@ def section() -> str:
         subtitle=f"11 sources, 400 tensors: ours takes {low:.2f} to {high:.2f} times",
         x="time / (bytes that must move / triad bandwidth)",
     )
-    batch = [
-        together / milliseconds["ours, 11 sources"][case]
-        for case, together in milliseconds["ours, 8 recipes together"].items()
-    ]
     bandwidths = "; ".join(
         f"{b['threads']} thread{'s' * (b['threads'] > 1)}: copy {b['copy'] / 1e9:.1f} GB/s, "
         f"triad {b['triad'] / 1e9:.1f} GB/s"
         for b in found["bandwidth"]
     )
     met = "met" if high <= AIM else "not met"
-    shares = f"{min(batch):.2f} to {max(batch):.2f}"
     return "\n".join(
         [
             "## Merging at the speed of memory",
@@ -52,8 +46,7 @@ def section() -> str:
             "",
             *_table(ratios),
             "",
-            f"The aim of {AIM} times the limit is {met}. A recipe in a batch of {BATCH} takes {shares} of "
-            f"the time it takes alone (aim 0.25). {_beside(milliseconds)}",
+            f"The aim of {AIM} times the limit is {met}. {_beside(milliseconds)}",
             "",
             "TIES at 50 M elements, against the limit of a linear merge (aims: 15 for one lambda, 2 for each "
             "further one):",

@@ -64,16 +64,6 @@ class TaskVectorGeometry:
         """(E, E) cosine between whole task vectors; NaN for a source that moved nothing."""
         return _cosines(self.products.sum(axis=0))
 
-    def block_cosines(self, block: str) -> Matrix:
-        """(E, E) cosine between task vectors within one block.
-
-        Raises:
-            InputError: no such block.
-        """
-        if block not in self.blocks:
-            raise InputError(f"geometry: found block {block!r}, expected one of: {', '.join(self.blocks)}")
-        return _cosines(self.products[self.blocks.index(block)])
-
     @property
     def relative(self) -> Matrix:
         """(B, E) norm of the task vector in percent of the base's norm in the block."""

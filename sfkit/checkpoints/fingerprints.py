@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from pathlib import Path
 
 import torch
 
@@ -30,12 +29,6 @@ def fingerprint(digests: Mapping[str, str]) -> str:
         if not key.endswith(COUNTER):
             total.update(f"{key}={digests[key]}\n".encode())
     return total.hexdigest()
-
-
-def file_digest(path: Path) -> str:
-    """SHA-256 of a file's bytes."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def text_digest(text: str) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import torch
 
 from sfkit.checkpoints.checks import Kind, TensorSpec
-from sfkit.merging.blocks import OUTSIDE, BlockPartition
+from sfkit.merging.blocks import BlockPartition
 
 
 @dataclass(frozen=True)
@@ -74,11 +74,3 @@ class FlatLayout:
             name = next((k for k in (spec.key, *spec.aliases) if k in tensors), None)
             if name is not None:
                 flat[offset : offset + spec.size].copy_(tensors[name].reshape(-1))
-
-    def block_names(self, partition: BlockPartition) -> dict[str, int]:
-        """Elements per block of the partition, and under ``"(outside)"`` what no block holds."""
-        counts = dict.fromkeys(partition.names, 0)
-        for segment in self.segments:
-            name = "(outside)" if segment.block == OUTSIDE else partition.names[segment.block]
-            counts[name] = counts.get(name, 0) + segment.stop - segment.start
-        return counts

@@ -19,9 +19,6 @@ from sfkit.merging.recipe import Recipe
 # it, so that each byte of the task vectors crosses the memory bus once. Smaller chunks would stay in a core's
 # own cache, but calls, and threads waiting for each other, then cost more than that saves.
 CHUNK = 1 << 20
-# Elements of every task vector that merge_many gathers at a time, 256 KiB each: with fewer, calls cost more
-# than the cache saves.
-GATHER = 1 << 17
 
 
 def merge_flat(
@@ -41,43 +38,6 @@ def merge_flat(
         coefficients = _coefficients(recipe, segment)
         used = [(vectors[e], c) for e, c in enumerate(coefficients) if c != 0.0]
         weighted_sum(base, used, out, segment.start, segment.stop)
-
-
-def merge_many(
-    recipes: Sequence[Recipe],
-    layout: FlatLayout,
-    base: torch.Tensor,
-    vectors: Sequence[torch.Tensor],
-    out: torch.Tensor,
-) -> None:
-    """Merge several recipes while the task vectors pass by once.
-
-    A chunk of every task vector is gathered in the cache and multiplied by all recipes' coefficients, so
-    that R recipes move (E + 1 + R) P floats instead of R (E + 2) P. The products are summed in another
-    order than :func:`merge_flat` does, hence the results agree to rounding, not to the last bit.
-
-    Args:
-        recipes: R of them, over the sources of ``vectors`` in that order.
-        layout: of all the buffers.
-        base: (P,) float32; not written.
-        vectors: E task vectors of shape (P,), float32; not written.
-        out: (R, P) float32, overwritten.
-    """
-    scratch = torch.empty(len(vectors) * GATHER, dtype=torch.float32)
-    for segment in layout.segments:
-        weights = torch.tensor([_coefficients(recipe, segment) for recipe in recipes], dtype=torch.float32)
-        used = [e for e in range(len(vectors)) if bool((weights[:, e] != 0).any())]
-        weights = weights[:, used].contiguous()
-        for first in range(segment.start, segment.stop, GATHER):
-            part = slice(first, min(first + GATHER, segment.stop))
-            target, width = out[:, part], part.stop - part.start
-            if not used:
-                target.copy_(base[part])
-                continue
-            chunks = [vectors[e][part] for e in used]
-            gathered = scratch[: len(used) * width].view(len(used), width)
-            torch.stack(chunks, out=gathered)
-            torch.addmm(base[part], weights, gathered, out=target)
 
 
 def weighted_sum(

@@ -4,8 +4,8 @@ Which sources take part? A genetic algorithm over subsets; every candidate is sc
 merge of its subset (eq. 4), and the best of everything ever evaluated is the pool of Stage 2.
 
 Every candidate is evaluated on all images, losers too: bounds that could stop one early and change nothing
-save 3 to 8 % of image passes on the embedded bank (``benchmarks/early_stopping.py``), too little to keep
-scores that are no scores.
+save 2.9 % of image passes on the embedded bank, 9.2 % at the very best (every comparison decided as soon as
+it can be, hard images first; five seeds of 750 evaluations), too little to keep scores that are no scores.
 """
 
 from __future__ import annotations

@@ -13,7 +13,6 @@ from tiny import write_pool
 
 from sfkit.analysis import geometry as module
 from sfkit.analysis import task_vector_geometry
-from sfkit.errors import InputError
 from sfkit.merging import open_pool
 
 
@@ -59,11 +58,7 @@ def test_numbers_are_those_of_the_files_tensor_by_tensor(
         assert found.conflicts[number] == pytest.approx(differ.sum() / shared.sum(), abs=1e-6)
         expected = np.corrcoef(vectors) * 0 + vectors @ vectors.T
         np.testing.assert_allclose(found.products[number], expected, rtol=1e-4, atol=1e-6)
-    own = found.block_cosines(found.blocks[0])
-    np.testing.assert_allclose(np.diag(own), 1.0)
     assert found.table().loc[found.blocks[0], "sign conflicts [%]"] == pytest.approx(100 * found.conflicts[0])
-    with pytest.raises(InputError, match="found block 'nose'"):
-        found.block_cosines("nose")
 
 
 def test_half_of_three_random_directions_conflict_three_quarters_of_the_time(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from sfkit.checkpoints import FileForm, Member, PoolSpec
 from sfkit.checkpoints.checks import Kind
 from sfkit.errors import SfkitWarning
 from sfkit.merging import Pool, open_pool
+from sfkit.merging.blocks import OUTSIDE
 from sfkit.merging.cache import VectorCache
 from sfkit.merging.network import load_network
 from sfkit.merging.saving import save_merged
@@ -108,14 +109,13 @@ def test_the_frozen_vit_and_dead_tensors_are_left_out_of_the_search(pool: Pool) 
     )
     weights = [spec.size for spec in changed.values() if spec.kind is Kind.WEIGHT]
     assert sum(weights) == 62_335_403 - 24_785_089 - dead
-    blocks = pool.layout.block_names(pool.partition)
-    statistics = {
-        name: sum(s.stop - s.start for s in pool.layout.segments if (s.block, s.kind) == (b, Kind.STATISTIC))
-        for b, name in enumerate(pool.blocks)
+    sizes = {
+        name: {s.kind: s.stop - s.start for s in pool.layout.segments if s.block == block}
+        for block, name in enumerate(pool.blocks)
     }
-    assert blocks["backbone"] == 5_281_224
-    assert blocks["cost_volume"] - statistics["cost_volume"] == 4_884_939
-    assert "(outside)" not in blocks
+    assert sum(sizes["backbone"].values()) == 5_281_224
+    assert sizes["cost_volume"][Kind.WEIGHT] == 4_884_939
+    assert all(s.block != OUTSIDE for s in pool.layout.segments)
 
 
 def test_a_shared_tensor_is_merged_once(pool: Pool) -> None:

@@ -84,7 +84,7 @@ def test_constants_are_the_bases_however_far_a_sources_are(files: Path) -> None:
     source = fine_tune(base, 1) | {index: torch.zeros_like(base[index])}
     pool = pool_of(files, "nmrf-res", base=base, a=source, b=fine_tune(base, 2))
     assert {spec.key for spec, _ in pool.layout.entries} == parameters
-    assert pool.layout.block_names(pool.partition).keys() == set(BLOCKS), "no parameter stays outside"
+    assert {s.block for s in pool.layout.segments} == set(range(len(BLOCKS))), "no parameter stays outside"
     merged = pool.state_dict(pool.uniform())
     assert merged["device_indicator_tensor"].shape == (0,)
     for key in base.keys() - parameters:

@@ -13,7 +13,7 @@ from sfkit.checkpoints.checks import Kind, TensorSpec
 from sfkit.errors import InputError
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
-from sfkit.merging.linear import CHUNK, GATHER, convex, merge_flat, merge_many, weighted_sum
+from sfkit.merging.linear import CHUNK, convex, merge_flat, weighted_sum
 from sfkit.merging.recipe import Recipe, routed
 
 PARTITION = BlockPartition.of({"one": ["a.*"], "two": ["b.*"]})
@@ -154,39 +154,3 @@ def test_the_layout_groups_by_block_and_kind_without_gaps() -> None:
 def test_a_pattern_that_matches_nothing_is_refused() -> None:
     with pytest.raises(InputError, match=r"block 'two': the pattern 'b\.\*' matches no parameter"):
         PARTITION.check(["a.weight"])
-
-
-@settings(max_examples=20, deadline=None)
-@given(data=st.data())
-def test_merging_many_equals_merging_each(data: st.DataObject) -> None:
-    layout = FlatLayout.of(SPECS, PARTITION)
-    generator = torch.Generator().manual_seed(data.draw(st.integers(0, 2**31)))
-    base, *vectors = (torch.randn(layout.size, generator=generator) for _ in range(4))
-    number = st.floats(0, 2, allow_subnormal=False)
-    recipes = [
-        Recipe(
-            ("x", "y", "z"),
-            PARTITION.names,
-            tuple(tuple(data.draw(number) for _ in range(3)) for _ in PARTITION.names),
-            tuple(data.draw(number) for _ in PARTITION.names),
-        )
-        for _ in range(data.draw(st.integers(1, 4)))
-    ]
-    together = torch.empty(len(recipes), layout.size)
-    merge_many(recipes, layout, base, vectors, together)
-    for row, recipe in zip(together, recipes, strict=True):
-        alone = torch.empty(layout.size)
-        merge_flat(recipe, layout, base, vectors, alone)
-        assert torch.allclose(row, alone, atol=1e-5)
-
-
-def test_merging_many_in_several_chunks() -> None:
-    size = 2 * GATHER + 5
-    layout = FlatLayout.of([TensorSpec("a.weight", (size,), Kind.WEIGHT)], PARTITION)
-    generator = torch.Generator().manual_seed(0)
-    base, first, second = (torch.randn(size, generator=generator) for _ in range(3))
-    recipes = [Recipe.weighted({"x": w, "y": 1 - w}, PARTITION.names) for w in (0.0, 0.25, 1.0)]
-    out = torch.empty(3, size)
-    merge_many(recipes, layout, base, [first, second], out)
-    for row, w in zip(out, (0.0, 0.25, 1.0), strict=True):
-        assert torch.allclose(row, base + w * first + (1 - w) * second, atol=1e-5)

@@ -7,7 +7,7 @@ one axis that real data sets differ along; the worlds of the benchmarks mix seve
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 Range = tuple[float, float]
 
@@ -247,17 +247,3 @@ def domains() -> dict[str, Domain]:
 def worlds() -> dict[str, Domain]:
     """The benchmarks' worlds by name, the validation benchmark's first."""
     return {world.name: world for world in BENCHMARKS}
-
-
-def without_camera(domain: Domain) -> Domain:
-    """The same scenes through an ideal camera in clear air, with dense ground truth: geometry alone."""
-    return replace(
-        domain,
-        exposure=0.0,
-        brightness=(1.0, 1.0),
-        noise=(0.0, 0.0),
-        blur=(0.0, 0.0),
-        haze=(0.0, 0.0),
-        grey=0.0,
-        scanned=0.0,
-    )
