@@ -19,6 +19,7 @@ from sfkit.analysis.differences import (
     outlier_regions,
 )
 from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_panels
+from sfkit.analysis.evolution import PopulationHistory, population_history, watched_population
 from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.export import export_table
 from sfkit.analysis.features import BlockOutputs, block_modules
@@ -36,7 +37,6 @@ from sfkit.analysis.overfit import (
     learning_curve,
 )
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
-from sfkit.analysis.populations import PopulationHistory, population_history, watched_population
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
 from sfkit.analysis.recipes import recipe_table

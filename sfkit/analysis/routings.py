@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sfkit.analysis.thinning import LIMIT, drawn_points
 from sfkit.errors import InputError
-from sfkit.search.journal import last_run
+from sfkit.search.journal import JournalledSearch, journalled_score
 from sfkit.search.routing import RoutingSearch
 
 Floats = NDArray[np.float64]
@@ -125,18 +125,11 @@ def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None 
     Raises:
         InputError: the journal holds no generation of Stage 2.
     """
-    run = last_run((dict(record) for record in records), "routing")
-    finished = [record for record in run if record["event"] == "generation"]
-    if not finished:
-        raise InputError(
-            "journal: found no generation of a routing search, expected at least one: run the search first"
-        )
-    start = next(record for record in run if record["event"] == "start")
-    entries = [entry for record in finished for entry in record["candidates"]]
-    gamma = start["settings"]["gamma"]
+    found = JournalledSearch.begun(records, RoutingSearch.kind)
+    entries, gamma = found.candidates, found.settings["gamma"]
     return RoutingTrace(
-        sources=tuple(start["sources"]),
-        blocks=tuple(start["blocks"]),
+        sources=found.sources,
+        blocks=found.blocks,
         gamma=(float(gamma[0]), float(gamma[1])),
         metric=metric,
         generation=np.array([entry["generation"] for entry in entries], dtype=np.int64),
@@ -154,10 +147,7 @@ def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None 
         weights=np.array([entry["weights"] for entry in entries], dtype=np.float64),
         scales=np.array([entry["scales"] for entry in entries], dtype=np.float64),
         sigma=np.array([entry["sigma"] for entry in entries], dtype=np.float64),
-        axes=np.array(
-            [record["distribution"]["axes"] for record in finished for _ in record["candidates"]],
-            dtype=np.float64,
-        ),
+        axes=np.array(found.axes, dtype=np.float64),
     )
 
 
@@ -169,4 +159,4 @@ def _chosen_by(candidates: Sequence[tuple[float, int | None, str]]) -> Floats:
 
 
 def _scores(entries: Sequence[Mapping[str, Any]], key: str) -> Floats:
-    return np.array([math.inf if entry[key] is None else entry[key] for entry in entries], dtype=np.float64)
+    return np.array([journalled_score(entry, key) for entry in entries], dtype=np.float64)

@@ -14,7 +14,7 @@ from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.hand_edits import SeenByHand, mark_hand_edit, pairs_in_common, seen_by_hand
 from sfkit.merging.editing import GAMMA, EditHistory, RoutingDraft
 from sfkit.merging.recipe import Recipe, routed
-from sfkit.search.journal import read_journal
+from sfkit.search.journal import JournalledSearch, read_journal
 from sfkit.search.routing import RoutingSearch
 
 Trials = RoutingSearch | RoutingTrace | str | Path
@@ -196,8 +196,8 @@ def _trace(search: Trials | None, metric: str) -> RoutingTrace | None:
     if isinstance(search, RoutingSearch):
         return routing_trace(search, metric=metric) if search.candidates else None
     records = read_journal(search)
-    finished = any(r["event"] == "generation" and r.get("search") == "routing" for r in records)
-    return watched_routing(records, metric=metric) if finished else None
+    found = JournalledSearch.find(records, RoutingSearch.kind)
+    return watched_routing(records, metric=metric) if found and found.generations else None
 
 
 def _bounds(search: Trials | None, trace: RoutingTrace | None) -> tuple[bool, tuple[float, float]]:

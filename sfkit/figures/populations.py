@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from sfkit.analysis.evolution import Individual, PopulationHistory
 from sfkit.analysis.labels import metric_label, score_text
-from sfkit.analysis.populations import Individual, PopulationHistory
 from sfkit.analysis.thinning import drawn_points
 from sfkit.figures.axes import FAILED_NAME, beyond, whole_ticks
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
@@ -29,7 +29,7 @@ def population_figure(
     """Draw a population and how it came about.
 
     Args:
-        history: from :func:`~sfkit.analysis.populations.population_history`.
+        history: from :func:`~sfkit.analysis.evolution.population_history`.
         theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
         individuals: how many of the generation to list, best first; the subtitle says where some are not.
         height: of the figure in pixels; by the number of rows unless given.

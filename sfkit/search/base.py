@@ -13,7 +13,7 @@ import pandas as pd
 
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.outcome import Scorer
-from sfkit.search.journal import Journal
+from sfkit.search.journal import STOP_REQUESTED, Journal
 from sfkit.search.records import C, Counts, Generation, count, ranked
 
 
@@ -134,7 +134,7 @@ class Search(ABC, Generic[C]):
         while not self.done:
             if self._stop.is_set():
                 self._stop.clear()
-                self._write("end", reason="stop requested")
+                self._write("end", reason=STOP_REQUESTED)
                 return
             yield self.step()
 

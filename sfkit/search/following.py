@@ -7,7 +7,7 @@ import threading
 from pathlib import Path
 
 from sfkit.errors import InputError, nearest
-from sfkit.search.journal import Record, read_journal
+from sfkit.search.journal import JournalledSearch, Record, read_journal
 from sfkit.search.runs import JOURNAL, STAGES
 
 
@@ -47,8 +47,7 @@ class FollowedJournal:
 
     def searches(self) -> tuple[str, ...]:
         """Which searches it tells of so far: ``subset``, ``routing``, in this order."""
-        begun = {record.get("search") for record in self.records() if record["event"] == "start"}
-        return tuple(kind for kind in STAGES if kind in begun)
+        return tuple(kind for kind in STAGES if JournalledSearch.find(self.records(), kind) is not None)
 
 
 def _journal(path: Path) -> Path:

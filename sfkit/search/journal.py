@@ -13,6 +13,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from numbers import Integral, Real
 from pathlib import Path
@@ -21,6 +22,8 @@ from typing import Any, BinaryIO
 from sfkit.errors import InputError, SfkitError
 
 Record = dict[str, Any]
+STOP_REQUESTED = "stop requested"
+"""The reason of an end that somebody asked for."""
 
 
 class Journal:
@@ -106,6 +109,120 @@ def last_run(records: Iterable[Record], search: str | None = None) -> tuple[Reco
             run = []
         run.append(record)
     return tuple(run)
+
+
+@dataclass(frozen=True)
+class JournalledSearch:
+    """One search as its journal tells of it: the latest run. What records look like is known here alone.
+
+    Attributes:
+        kind: ``subset`` or ``routing``.
+        start: its first record: ``settings``, ``constraints``, ``sources``, ``blocks``, ``start`` and more.
+        generations: those that are finished.
+        end: its last record where the search ended, else None.
+        last: the record that was written last.
+    """
+
+    kind: str
+    start: Record
+    generations: tuple[Record, ...]
+    end: Record | None
+    last: Record
+
+    @classmethod
+    def find(cls, records: Iterable[Mapping[str, Any]], kind: str) -> JournalledSearch | None:
+        """The latest run of a kind of search; None where no such search has begun."""
+        run = [r for r in last_run((dict(record) for record in records), kind) if r.get("search") == kind]
+        if not run or run[0].get("event") != "start":
+            return None
+        finished = tuple(record for record in run if record["event"] == "generation")
+        return cls(kind, run[0], finished, run[-1] if run[-1]["event"] == "end" else None, run[-1])
+
+    @classmethod
+    def begun(cls, records: Iterable[Mapping[str, Any]], kind: str) -> JournalledSearch:
+        """The same, with at least one generation.
+
+        Raises:
+            InputError: there is none.
+        """
+        found = cls.find(records, kind)
+        if found is None or not found.generations:
+            raise InputError(
+                f"journal: found no generation of a {kind} search, expected at least one: "
+                "run the search first"
+            )
+        return found
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The names it chooses from, in the pool's order."""
+        return tuple(self.start["sources"])
+
+    @property
+    def blocks(self) -> tuple[str, ...]:
+        """The pool's blocks, in order."""
+        return tuple(self.start["blocks"])
+
+    @property
+    def settings(self) -> Record:
+        """The settings of its stage."""
+        return dict(self.start["settings"])
+
+    @property
+    def generation(self) -> int:
+        """The number of the last finished generation; -1 before the first."""
+        return int(self.generations[-1]["generation"]) if self.generations else -1
+
+    @property
+    def candidates(self) -> tuple[Record, ...]:
+        """Every candidate so far, by number."""
+        return tuple(entry for record in self.generations for entry in record["candidates"])
+
+    @property
+    def populations(self) -> tuple[tuple[int, ...], ...]:
+        """Stage 1: the numbers of the candidates in each population."""
+        return tuple(tuple(record["population"]) for record in self.generations)
+
+    @property
+    def axes(self) -> tuple[Any, ...]:
+        """Stage 2: the axes of the distribution that each candidate was drawn from."""
+        return tuple(r["distribution"]["axes"] for r in self.generations for _ in r["candidates"])
+
+    @property
+    def best(self) -> Record | None:
+        """The best candidate so far, with its recipe; None where none has a finite score."""
+        found = self.generations[-1]["best"] if self.generations else None
+        return None if found is None else dict(found)
+
+    @property
+    def counts(self) -> Record:
+        """What the search has asked for so far; empty before its first generation."""
+        return dict(self.generations[-1]["counts"]) if self.generations else {}
+
+    @property
+    def reason(self) -> str | None:
+        """Why it ended; None where its journal tells of no end: it runs, or was interrupted."""
+        return None if self.end is None else str(self.end["reason"])
+
+    @property
+    def stopped(self) -> bool:
+        """True where it was asked to end."""
+        return self.reason == STOP_REQUESTED
+
+    @property
+    def started(self) -> datetime:
+        """When it began (UTC)."""
+        return datetime.fromisoformat(self.start["time"])
+
+    @property
+    def written(self) -> datetime:
+        """When its last record was written (UTC)."""
+        return datetime.fromisoformat(self.last["time"])
+
+
+def journalled_score(entry: Mapping[str, Any], key: str = "score") -> float:
+    """A score of a candidate's record; ``inf`` where it has no finite one."""
+    return math.inf if entry[key] is None else float(entry[key])
 
 
 def _line(record: Mapping[str, Any]) -> bytes:

@@ -10,7 +10,7 @@ from typing import Any
 
 from sfkit.errors import InputError
 from sfkit.search.base import Search
-from sfkit.search.journal import last_run
+from sfkit.search.journal import JournalledSearch
 from sfkit.search.records import Counts
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.runs import STAGES
@@ -133,28 +133,25 @@ def watched_progress(records: Iterable[Mapping[str, Any]], search: str) -> Progr
     Raises:
         InputError: the journal holds no such search.
     """
-    run = [r for r in last_run((dict(r) for r in records), search) if r.get("search") == search]
-    if not run or run[0]["event"] != "start":
+    found = JournalledSearch.find(records, search)
+    if found is None:
         raise InputError(f"journal: found no {search} search, expected one: run it with journal=Journal(...)")
-    start, finished = run[0], [record for record in run if record["event"] == "generation"]
-    settings, last = start["settings"], finished[-1] if finished else {}
-    ended = run[-1] if run[-1]["event"] == "end" else {}
-    counts = Counts(**_known(last.get("counts", {})))
+    settings, counts = found.settings, Counts(**_known(found.counts))
     first_stage = search == SubsetSearch.kind
     total = _most(start) if first_stage else int(settings["evaluations"])
     return Progress(
         stage=STAGES[search],
-        phase=_phase(ended.get("reason")),
-        generation=int(last.get("generation", -1)),
+        phase=Phase.OPEN if found.end is None else Phase.STOPPED if found.stopped else Phase.FINISHED,
+        generation=found.generation,
         generations=int(settings["generations"]) if first_stage else None,
         candidates=counts.candidates,
         total=total,
         counts=counts,
-        best=_best(last.get("best")),
+        best=_best(found.best),
         running=counts.seconds,
-        left=None if ended else time_left(counts.seconds, counts.candidates, total),
-        reason=ended.get("reason"),
-        written=datetime.fromisoformat(run[-1]["time"]),
+        left=None if found.end else time_left(counts.seconds, counts.candidates, total),
+        reason=found.reason,
+        written=found.written,
     )
 
 
@@ -164,12 +161,6 @@ def _most(start: Mapping[str, Any]) -> int:
         return int(start["most"])
     population, generations = int(start["settings"]["population"]), int(start["settings"]["generations"])
     return population + generations * (population + population % 2)
-
-
-def _phase(reason: str | None) -> Phase:
-    if reason is None:
-        return Phase.OPEN
-    return Phase.STOPPED if reason == "stop requested" else Phase.FINISHED
 
 
 def _best(entry: Mapping[str, Any] | None) -> Best | None:

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from sfkit.errors import InputError, nearest
-from sfkit.search.journal import Record, last_run, read_journal
+from sfkit.search.journal import JournalledSearch, read_journal
 
 JOURNAL = "journal.jsonl"
 STAGES = {"subset": "Stage 1", "routing": "Stage 2"}
@@ -92,35 +92,28 @@ def read_run(folder: str | Path) -> Run:
             f"{folder}: holds no {JOURNAL}, expected a search's folder{nearest(folder.name, beside)}"
         )
     records = read_journal(folder / JOURNAL)
-    stages = [_stage(kind, last_run(records, kind)) for kind in STAGES]
-    return Run(folder, tuple(stage for stage in stages if stage is not None))
+    found = (JournalledSearch.find(records, kind) for kind in STAGES)
+    return Run(folder, tuple(_stage(search) for search in found if search is not None and search.generations))
 
 
-def _stage(kind: str, records: Iterable[Record]) -> StageRun | None:
-    own = [record for record in records if record.get("search") == kind]
-    starts = [record for record in own if record["event"] == "start"]
-    generations = [record for record in own if record["event"] == "generation"]
-    if not starts or not generations:
-        return None
-    start, last = starts[-1], generations[-1]
-    end = own[-1] if own[-1]["event"] == "end" else None
-    reason = None if end is None else str(end["reason"])
-    state = State.OPEN if reason is None else State.STOPPED if reason == "stop requested" else State.FINISHED
-    best = last["best"] or {}
+def _stage(found: JournalledSearch) -> StageRun:
+    best = found.best or {}
     return StageRun(
-        stage=STAGES[kind],
-        state=state,
-        reason=reason,
-        generation=int(last["generation"]),
+        stage=STAGES[found.kind],
+        state=State.OPEN if found.end is None else State.STOPPED if found.stopped else State.FINISHED,
+        reason=found.reason,
+        generation=found.generation,
         score=best.get("score"),
         subset=tuple(best.get("subset", ())),
         recipe=best.get("recipe"),
-        counts=last["counts"],
+        counts=found.counts,
         settings={
-            k: start[k] for k in ("settings", "constraints", "sources", "blocks", "start") if k in start
+            k: found.start[k]
+            for k in ("settings", "constraints", "sources", "blocks", "start")
+            if k in found.start
         },
-        started=datetime.fromisoformat(start["time"]),
-        written=datetime.fromisoformat(own[-1]["time"]),
+        started=found.started,
+        written=found.written,
     )
 
 

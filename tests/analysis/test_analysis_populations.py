@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sfkit.analysis.populations import Individual, population_history, summarise, watched_population
+from sfkit.analysis.evolution import Individual, population_history, summarise, watched_population
 from sfkit.errors import InputError
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe

@@ -26,10 +26,9 @@ from sfkit.analysis import (
 from sfkit.analysis.costs import StageCost
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
-from sfkit.analysis.evolution import Evolution
+from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory, summarise
 from sfkit.analysis.growth import PopulationSizes
 from sfkit.analysis.overfit import LearningCurve
-from sfkit.analysis.populations import Individual, PopulationHistory, summarise
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors

@@ -8,9 +8,8 @@ from typing import Any
 
 import traitlets
 
-from sfkit.analysis.evolution import Evolution
+from sfkit.analysis.evolution import Evolution, Individual
 from sfkit.analysis.labels import metric_label
-from sfkit.analysis.populations import Individual
 from sfkit.analysis.thinning import drawn_points
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
