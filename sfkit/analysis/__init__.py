@@ -21,13 +21,11 @@ from sfkit.analysis.differences import (
 from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_panels
 from sfkit.analysis.evolution import PopulationHistory, population_history, watched_population
 from sfkit.analysis.experiment import Answer, Experiment, overlap
-from sfkit.analysis.export import export_table
 from sfkit.analysis.features import BlockOutputs, block_modules
 from sfkit.analysis.generalisation import Trial, run_trials
 from sfkit.analysis.geometry import TaskVectorGeometry, task_vector_geometry
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
-from sfkit.analysis.marking import latex_table, markdown_table, ranks, source_table, styled
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.overfit import (
     HoldoutCheck,
@@ -47,6 +45,14 @@ from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.similarity import DataSimilarity, data_similarity, similarity_recipes
 from sfkit.analysis.study import Study, study
 from sfkit.analysis.summary import summary
+from sfkit.analysis.tables import (
+    export_table,
+    latex_table,
+    markdown_table,
+    ranks,
+    source_table,
+    styled,
+)
 from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
 
 __all__ = [

@@ -18,7 +18,7 @@ from sfkit.analysis.measured import measure_with
 from sfkit.analysis.paired import paired_difference
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError
-from sfkit.evaluation.separation import identities
+from sfkit.evaluation.separation import marked, pairs_in_common
 from sfkit.merging.recipe import Recipe
 from sfkit.search.constraints import transfer
 from sfkit.search.records import Counts
@@ -202,15 +202,12 @@ def scored(
     columns = list(dict.fromkeys(scores["benchmark"]))
     table = scores.pivot(index="network", columns="benchmark", values="score").loc[list(recipes), columns]
     table.columns.name = None
-    guided = {mark for pair in (guide or experiment.validation).pairs for mark in identities(pair)}
-    seen = {
-        benchmark.name
-        for benchmark in (experiment.validation, *experiment.reported)
-        if any(guided & identities(pair) for pair in benchmark.pairs)
-    } | {edited.benchmark for edited in experiment.by_hand}
+    shown = (experiment.validation, *experiment.reported)
+    seen = {*pairs_in_common([guide or experiment.validation], shown)}
+    seen |= {edited.benchmark for edited in experiment.by_hand}
     unseen = [name for name in columns if name not in seen]
     mean = table[unseen].mean(axis=1, skipna=False) if unseen else np.nan
-    marks = {} if guide is not None else {name: f"{name} *" for name in columns if name in seen}
+    marks = {} if guide is not None else {name: marked(name, guided=True) for name in columns if name in seen}
     return table.rename(columns=marks).assign(**{MEAN: mean})
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from sfkit.analysis.intervals import LEVEL
+from sfkit.analysis.labels import column_name
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import (
     Difference,
@@ -43,8 +44,7 @@ class ComparedColumn:
     @property
     def label(self) -> str:
         """Its heading; ``*`` marks what guided a search."""
-        mark = " *" if self.validation else ""
-        return f"{self.benchmark} ({self.protocol}) {self.metric} [{self.unit}]{mark}"
+        return column_name(self.benchmark, self.protocol, self.metric, self.unit, guided=self.validation)
 
 
 @dataclass(frozen=True)

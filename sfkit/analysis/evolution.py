@@ -1,4 +1,4 @@
-"""Stage 1 in numbers: individuals and their descent, how scores fall, what is chosen, how diverse it stays."""
+"""Stage 1 in numbers: individuals and their descent, how scores fall, what is chosen, how diverse it is."""
 
 from __future__ import annotations
 

@@ -1,8 +1,11 @@
-"""How a metric is called on an axis: its name with its unit."""
+"""How things are called on axes and in sentences: metrics, differences, what guided a search."""
 
 from __future__ import annotations
 
 from sfkit.datasets.metric import Metric
+from sfkit.evaluation.separation import GUIDED, column_name, marked
+
+__all__ = ["GUIDED", "column_name", "marked", "metric_label", "points", "score_text"]
 
 
 def metric_label(metric: str | None) -> str:
@@ -22,3 +25,8 @@ def score_text(metric: str | None, score: float) -> str:
         return f"score {score:.4g}"
     parsed = Metric.parse(metric)
     return f"{parsed.label} {score:.2f} {parsed.unit}"
+
+
+def points(unit: str, *, full: bool = False) -> str:
+    """The unit of a difference of scores: that of two percentages is in (percentage) points."""
+    return unit if unit != "%" else "percentage points" if full else "points"

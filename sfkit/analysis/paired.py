@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, RunsOnImages, holm, paired_estimate
+from sfkit.analysis.judgement import Judgement, judge
+from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
@@ -23,7 +25,7 @@ Names = str | Sequence[str]
 
 @dataclass(frozen=True)
 class Difference:
-    """How much a network's score differs from another's; negative is better than the reference.
+    """How much a network's score differs from another's; negative is lower than the reference.
 
     Attributes:
         network: the network's name.
@@ -37,6 +39,7 @@ class Difference:
         reason: why there is no interval; empty where there is one.
         p: p-value of no difference, corrected (Holm) where it is one of several; NaN without an interval.
         family: how many differences of one table it was corrected with.
+        lower_is_better: of the metric.
     """
 
     network: str
@@ -50,6 +53,7 @@ class Difference:
     reason: str = ""
     p: float = math.nan
     family: int = 1
+    lower_is_better: bool = True
 
     @property
     def within_noise(self) -> bool | None:
@@ -61,16 +65,14 @@ class Difference:
         return self.p >= 1.0 - self.level
 
     @property
-    def word(self) -> str:
-        """``better``, ``worse``, ``within noise`` or ``no interval``."""
-        if self.interval is None:
-            return "no interval"
-        return "within noise" if self.within_noise else "better" if self.value < 0.0 else "worse"
+    def word(self) -> Judgement:
+        """Better, worse, within noise, or that there is no interval to tell by."""
+        return judge(self.value, self.within_noise, lower_is_better=self.lower_is_better)
 
     @property
     def points(self) -> str:
         """The unit of the difference: a difference of percentages is in points."""
-        return "points" if self.unit == "%" else self.unit
+        return points(self.unit)
 
     def __str__(self) -> str:
         """A plain sentence, such as ``within noise of uniform: -0.1 [-0.4, 0.3] points``."""
@@ -78,11 +80,10 @@ class Difference:
         if self.interval is None:
             return f"at {against}, no interval: {self.reason}"
         low, high = self.interval
-        word = f"{self.word} {'of' if self.within_noise else 'than'}"
         # An interval of one difference can leave 0 out where many were compared.
         many = f" (one of {self.family} comparisons)" if self.within_noise and not low <= 0.0 <= high else ""
         reach = f"{self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.points}"
-        return f"{word} {self.reference}: {reach}{many}"
+        return f"{self.word.against} {self.reference}: {reach}{many}"
 
 
 @dataclass(frozen=True)
@@ -154,7 +155,10 @@ def paired_difference(
     scores = [[[one.score(run, metric=metric) for run in side] for one in several] for side in sides]
     ours, theirs = (math.fsum(map(_mean, rows)) / len(rows) for rows in scores)
     value = 0.0 if ours == theirs else ours - theirs
-    found = Difference(one_side, other_side, benchmarks, images, unit, value, None, level)
+    lower = Metric.parse(metric or several[0].metric).lower_is_better
+    found = Difference(
+        one_side, other_side, benchmarks, images, unit, value, None, level, lower_is_better=lower
+    )
     if reason := _reason(several, scores):
         return replace(found, reason=reason)
     pairs = [tuple(_runs(one, side, metric) for side in sides) for one in several]

@@ -56,7 +56,7 @@ class BlockProbes:
     @property
     def noise(self) -> NDArray[np.bool_]:
         """(B, E) True where a difference is within the noise of all probes, or has no interval."""
-        return np.array([[d.within_noise is not False for d in row] for row in self.differences])
+        return np.array([[not d.word.beyond_noise for d in row] for row in self.differences])
 
     @property
     def preferred(self) -> dict[str, str | None]:

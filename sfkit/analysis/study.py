@@ -12,6 +12,8 @@ import pandas as pd
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
+from sfkit.analysis.judgement import Judgement
+from sfkit.analysis.labels import marked
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
@@ -123,9 +125,7 @@ class Study:
         """Base and single sources on every benchmark, and the mean over those that guided nothing."""
         names = (BASE, *self.experiment.pool.names)
         columns = {
-            f"{one.benchmark}{' *' if one.validation else ''}": [
-                one.score(name, metric=self.metric) for name in names
-            ]
+            marked(one.benchmark, one.validation): [one.score(name, metric=self.metric) for name in names]
             for one in self.measured
         }
         table = pd.DataFrame(columns, index=pd.Index(names, name="network"))
@@ -316,9 +316,9 @@ def _best(runs: Mapping[str, BaselineResult]) -> str:
 def _verdict(found: Difference | None) -> str:
     if found is None:
         return "the reference"
-    if found.interval is None:
-        return f"no interval: {found.reason}"
-    return found.word
+    if found.word is Judgement.UNKNOWN:
+        return f"{found.word}: {found.reason}"
+    return str(found.word)
 
 
 def _mean(values: Iterable[float]) -> float:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sfkit.analysis.labels import score_text
+from sfkit.analysis.judgement import Judgement
+from sfkit.analysis.labels import points, score_text
 from sfkit.analysis.paired import Difference
 from sfkit.analysis.study import BASE, Study
 from sfkit.baselines import BaselineResult
@@ -73,7 +74,7 @@ def _how_sure(study: Study) -> Iterator[str]:
         yield f"With other seeds that mean is another: {row.spread}."
     gap, before = study.comparison.row(study.reference).gap, study.comparison.row(BASE).gap
     if math.isfinite(gap) and math.isfinite(before):
-        unit = "points" if study.comparison.unit == "%" else study.comparison.unit
+        unit = points(study.comparison.unit)
         yield (
             f"From validation to the unseen benchmarks the mean changes by {gap:+.1f} {unit} for "
             f"{study.reference} and by {before:+.1f} {unit} for the base."
@@ -91,19 +92,21 @@ def _plainly(difference: Difference) -> str:
         why = f"no interval: {difference.reason}"
         return f"{abs(difference.value):.2f} {unit} {word} than {difference.reference} ({why})"
     low, high = difference.interval
-    word = "within noise of" if difference.within_noise else f"{difference.word} than"
+    word = difference.word.against
     return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f})"
 
 
 def _others(study: Study) -> Iterator[str]:
     """Who is better or worse than the reference beyond noise."""
-    groups: dict[str, list[str]] = {"worse": [], "within noise": [], "better": []}
+    words = (Judgement.WORSE, Judgement.WITHIN_NOISE, Judgement.BETTER)
+    groups: dict[Judgement, list[str]] = {word: [] for word in words}
     oracles = {result.label for result in study.runs.values() if result.oracle}
     for row in study.comparison.rows:
         found = row.difference
         if row.network == study.reference or found is None or found.interval is None:
             continue
-        groups[found.word].append(row.network + (" (which saw the test)" if row.network in oracles else ""))
+        saw = " (which saw the test)" if row.network in oracles else ""
+        groups[found.word].append(f"{row.network}{saw}")
     parts = [f"{word}: {', '.join(names)}" for word, names in groups.items() if names]
     if parts:
         yield f"Against {study.reference} on the unseen benchmarks, {'; '.join(parts)}."

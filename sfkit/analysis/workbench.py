@@ -11,7 +11,8 @@ from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.hand_edits import SeenByHand, mark_hand_edit, pairs_in_common, seen_by_hand
+from sfkit.evaluation.hand_edits import SeenByHand, mark_hand_edit, seen_by_hand
+from sfkit.evaluation.separation import pairs_in_common
 from sfkit.merging.editing import GAMMA, EditHistory, RoutingDraft
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search.journal import JournalledSearch, read_journal
@@ -90,7 +91,7 @@ class RoutingWorkbench:
             gamma=held_gamma if gamma is None else gamma,
         )
         self._check_trace()
-        self.shared: Mapping[str, tuple[str, ...]] = pairs_in_common(evaluator.benchmark, self._tested_on)
+        self.shared: Mapping[str, tuple[str, ...]] = pairs_in_common([evaluator.benchmark], self._tested_on)
         if recipe is None and self.trace is not None and self.trace.best >= 0:
             recipe = self.trial(self.trace.best)
         self.history = EditHistory(self._equal if recipe is None else self._equal.of(recipe))

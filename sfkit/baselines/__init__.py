@@ -15,6 +15,7 @@ from sfkit.baselines.registry import (
     BaselineResult,
     Choice,
     Network,
+    arrange,
     baseline,
     baseline_named,
     baselines,
@@ -24,6 +25,25 @@ from sfkit.baselines.running import BaselineRun, baseline_table, run_baselines, 
 from sfkit.baselines.soups import greedy_soup, greedy_soup_strict
 from sfkit.baselines.subsets import exhaustive, random_subsets, stage1, stage1_2
 from sfkit.baselines.trials import Trials
+
+arrange(  # how tables list them
+    single_best,
+    single_best_oracle,
+    uniform,
+    task_arithmetic,
+    greedy_soup,
+    greedy_soup_strict,
+    ties,
+    dare,
+    dare_ties,
+    fisher,
+    adamerging,
+    adamerging_blocks,
+    random_subsets,
+    exhaustive,
+    stage1,
+    stage1_2,
+)
 
 __all__ = [
     "Baseline",

@@ -153,12 +153,7 @@ class Baseline(Generic[P]):
 
 
 _REGISTRY: dict[str, Baseline[Any]] = {}
-_ORDER = (
-    *("single_best", "single_best_oracle", "uniform", "task_arithmetic", "greedy_soup", "greedy_soup_strict"),
-    *("ties", "dare", "dare_ties", "fisher", "adamerging", "adamerging_blocks"),
-    *("random_subsets", "exhaustive", "stage1", "stage1_2"),
-)
-"""How tables list the methods; what others register comes after."""
+"""By name, in the order tables list them; what others register comes after sfkit's own."""
 
 
 def baseline(
@@ -193,7 +188,14 @@ def baseline_named(name: str) -> Baseline[Any]:
 
 def baselines() -> tuple[str, ...]:
     """The names of all registered methods, in the order tables show them."""
-    return (*(n for n in _ORDER if n in _REGISTRY), *(n for n in _REGISTRY if n not in _ORDER))
+    return tuple(_REGISTRY)
+
+
+def arrange(*entries: Baseline[Any]) -> None:
+    """Let tables list these methods in this order, before all others."""
+    rest = {name: entry for name, entry in _REGISTRY.items() if entry not in entries}
+    _REGISTRY.clear()
+    _REGISTRY.update({entry.name: entry for entry in entries} | rest)
 
 
 def catalogue() -> pd.DataFrame:

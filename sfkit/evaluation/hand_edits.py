@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.evaluation.separation import identities
+from sfkit.evaluation.separation import all_identities, identities, seen_in
 from sfkit.evaluation.store import EvaluationStore
 
 HAND_EDIT = "hand edit"
@@ -34,27 +34,17 @@ class SeenByHand:
         )
 
 
-def pairs_in_common(benchmark: Benchmark, reported: Sequence[Benchmark]) -> dict[str, tuple[str, ...]]:
-    """Reported benchmark -> ids of its pairs that ``benchmark`` holds as well, where there are any."""
-    seen = {identity for pair in benchmark.pairs for identity in identities(pair)}
-    shared = {other.name: tuple(p.id for p in other.pairs if seen & identities(p)) for other in reported}
-    return {name: ids for name, ids in shared.items() if ids}
-
-
 def mark_hand_edit(store: EvaluationStore, key: str, benchmark: Benchmark) -> None:
     """Remember in the store that the evaluation ``key`` on a benchmark is of a recipe edited by hand."""
-    seen = sorted(identity for pair in benchmark.pairs for identity in identities(pair))
-    store.mark(key, HAND_EDIT, "\n".join(seen))
+    seen = [identity for pair in benchmark.pairs for identity in identities(pair)]
+    store.mark(key, HAND_EDIT, "\n".join(sorted(seen)))
 
 
 def seen_by_hand(store: EvaluationStore, reported: Sequence[Benchmark]) -> tuple[SeenByHand, ...]:
     """The reported benchmarks whose pairs hand edits of this store were scored on; empty where none was."""
     marks = [frozenset(detail.splitlines()) for _, detail in store.marks(HAND_EDIT)]
-    found = []
-    for benchmark in reported:
-        own = {pair.id: identities(pair) for pair in benchmark.pairs}
-        edits = sum(any(seen & those for those in own.values()) for seen in marks)
-        pairs = tuple(name for name, those in own.items() if any(seen & those for seen in marks))
-        if edits:
-            found.append(SeenByHand(benchmark.name, edits, pairs))
-    return tuple(found)
+    shared = seen_in(frozenset().union(*marks), reported)
+    edits = {
+        b.name: sum(bool(seen & all_identities(b)) for seen in marks) for b in reported if b.name in shared
+    }
+    return tuple(SeenByHand(name, edits[name], ids) for name, ids in shared.items())

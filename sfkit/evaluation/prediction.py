@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from sfkit.colours import DISPARITY, paint, range_of
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import write_disparity_png16
 from sfkit.datasets.images import read_image
@@ -184,7 +185,7 @@ def _write(disparity: NDArray[np.float32], targets: Sequence[Path], plan: Predic
         write_pfm(target, disparity)
     else:
         write_disparity_png16(target, np.where(finite & (disparity > 0), disparity, np.nan))
-    if not cv2.imwrite(str(preview), colour(disparity)):
+    if not cv2.imwrite(str(preview), preview_of(disparity)[..., ::-1]):
         raise OSError(errno.EIO, "cannot be written", str(preview))
     if plan.calibration is not None:
         write_pfm(depth[0], depth_of(disparity, plan.calibration))
@@ -200,15 +201,7 @@ def depth_of(disparity: NDArray[np.float32], calibration: Calibration) -> NDArra
     return np.where(shifted > 0, depth, np.inf).astype(np.float32)
 
 
-def colour(disparity: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """A preview (H, W, 3) in OpenCV's channel order: viridis from the 1st to the 99th percentile.
-
-    Pixels that are not finite are grey, not the colour of zero.
-    """
-    finite = np.isfinite(disparity)
-    low, high = np.percentile(disparity[finite], (1, 99)) if finite.any() else (0.0, 1.0)
-    scaled = (np.where(finite, disparity, low) - low) / max(float(high - low), 1e-6)
-    levels = (np.clip(scaled, 0, 1) * 255).astype(np.uint8)
-    image = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS), dtype=np.uint8)
-    image[~finite] = 128
-    return image
+def preview_of(disparity: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """A picture (H, W, 3) in RGB from the 1st to the 99th percentile, hatched where values are not finite."""
+    known = np.where(np.isfinite(disparity), disparity, np.float32(np.nan))
+    return paint(known, range_of(disparity), DISPARITY)

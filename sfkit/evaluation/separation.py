@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.digests import file_digest
 from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import InputError
+
+GUIDED = "*"
+"""Stands behind the name of what guided a search: its scores are no test."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +47,7 @@ class Separation:
         seen = "; ".join(f"{name} ({', '.join(ids)})" for name, ids in self.shared.items())
         return (
             f"The search was guided by pairs that are also reported: {seen}. "
-            "Scores marked * are validation scores, not a test."
+            f"Scores marked {GUIDED} are validation scores, not a test."
         )
 
 
@@ -68,12 +71,7 @@ def check_separation(
         InputError: pairs are in both and ``allow`` is False, or two different benchmarks have one name.
     """
     guides = (validation,) if isinstance(validation, Benchmark) else tuple(validation)
-    seen = {identity for guide in guides for pair in guide.pairs for identity in identities(pair)}
-    shared: dict[str, tuple[str, ...]] = {}
-    for benchmark in reported:
-        both = tuple(pair.id for pair in benchmark.pairs if seen & identities(pair))
-        if both:
-            shared[benchmark.name] = both
+    shared = pairs_in_common(guides, reported)
     if shared and not allow:
         name, ids = next(iter(shared.items()))
         raise InputError(
@@ -82,6 +80,33 @@ def check_separation(
             "and the report says so"
         )
     return Separation(tuple(guide.name for guide in guides), shared, _columns((*guides, *reported)))
+
+
+def pairs_in_common(seen: Iterable[Benchmark], reported: Iterable[Benchmark]) -> dict[str, tuple[str, ...]]:
+    """Reported benchmark -> ids of its pairs that are in ``seen`` as well, where there are any."""
+    known = {identity for benchmark in seen for identity in all_identities(benchmark)}
+    return seen_in(known, reported)
+
+
+def seen_in(known: Set[str], reported: Iterable[Benchmark]) -> dict[str, tuple[str, ...]]:
+    """The same, of what :func:`identities` gave for the pairs that were seen."""
+    shared = {one.name: tuple(pair.id for pair in one.pairs if known & identities(pair)) for one in reported}
+    return {name: ids for name, ids in shared.items() if ids}
+
+
+def all_identities(benchmark: Benchmark) -> frozenset[str]:
+    """What tells the pairs of a benchmark from others."""
+    return frozenset(identity for pair in benchmark.pairs for identity in identities(pair))
+
+
+def marked(label: str, guided: bool) -> str:
+    """A label with the ``*`` that says: this guided a search, or a person by hand, and is no test."""
+    return f"{label} {GUIDED}" if guided else label
+
+
+def column_name(benchmark: str, protocol: str, metric: str, unit: str, *, guided: bool) -> str:
+    """The heading of a benchmark's scores, such as ``eth3d (openstereo) bad-1.0 [%] *``."""
+    return marked(f"{benchmark} ({protocol}) {metric} [{unit}]", guided)
 
 
 def identities(pair: Pair) -> set[str]:

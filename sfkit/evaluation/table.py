@@ -13,6 +13,7 @@ from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.separation import column_name
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.files import write_text
 from sfkit.merging.pool import Pool
@@ -118,9 +119,9 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
     table = pd.DataFrame(index=pd.Index(dict.fromkeys(scores["network"]), name="network"))
     columns = ["benchmark", "protocol", "metric", "role"]
     for (name, protocol, metric, role), part in scores.groupby(columns, sort=False):
-        mark = " *" if role == "validation" else ""
-        unit = part["unit"].iloc[0]
-        table[f"{name} ({protocol}) {metric} [{unit}]{mark}"] = part.set_index("network")["score"]
+        names = (str(name), str(protocol), str(metric), str(part["unit"].iloc[0]))
+        title = column_name(*names, guided=role == "validation")
+        table[title] = part.set_index("network")["score"]
     if mean:
         reported = scores[scores["role"] == "reported"]
         for (metric, unit), part in reported.groupby(["metric", "unit"], sort=False):

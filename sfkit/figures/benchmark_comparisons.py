@@ -10,7 +10,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
+from sfkit.analysis.labels import marked, points
 from sfkit.analysis.paired import Difference
+from sfkit.analysis.word import Judgement
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 ROW = 22
@@ -54,7 +56,7 @@ def benchmark_comparison_figure(
     names = [row.network for row in rows]
     figure.update_yaxes(type="category", categoryorder="array", categoryarray=names, autorange="reversed")
     figure.update_yaxes(title_text="network", col=1)
-    unit = "percentage points" if comparison.unit == "%" else "px"
+    unit = points(comparison.unit, full=True)
     for number in range(max(0, len(panels) - across), len(panels)):  # the lowest panel of each column
         row, col = divmod(number, across)
         figure.update_xaxes(title_text=f"difference ({unit})", row=row + 1, col=col + 1)
@@ -77,8 +79,7 @@ def _panels(
     if sum(not column.validation for column in comparison.columns) > 1:
         panels.append(("mean of the unseen", [r.unseen_difference for r in rows if r.unseen_difference]))
     for number, column in enumerate(comparison.columns):
-        mark = " *" if column.validation else ""
-        title = f"{escape(column.benchmark)}{mark}, {column.metric}"
+        title = f"{marked(escape(column.benchmark), column.validation)}, {column.metric}"
         panels.append((title, [row.differences[number] for row in rows]))
     return panels
 
@@ -126,20 +127,15 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
 
 
 def _colour(difference: Difference, muted: str) -> str:
-    if difference.within_noise is not False:
-        return muted
-    return ACCENT if difference.value < 0.0 else WARM
+    return {Judgement.BETTER: ACCENT, Judgement.WORSE: WARM}.get(difference.word, muted)
 
 
 def _symbol(difference: Difference) -> str:
-    if difference.interval is None:
-        return "x-thin"
-    return "circle-open" if difference.within_noise else "circle"
+    return {Judgement.UNKNOWN: "x-thin", Judgement.WITHIN_NOISE: "circle-open"}.get(difference.word, "circle")
 
 
 def _answer(rows: Sequence[ComparedNetwork], comparison: NetworkComparison) -> str:
-    told = [row.difference for row in rows if row.difference and row.difference.within_noise is not None]
-    better = sum(d.within_noise is False and d.value < 0.0 for d in told)
+    better = sum(row.difference is not None and row.difference.word is Judgement.BETTER for row in rows)
     guided = "; * guided a search" if any(column.validation for column in comparison.columns) else ""
     return (
         f"left is better; {better} of {len(rows)} are, by 95 % intervals over images; open: within noise, "

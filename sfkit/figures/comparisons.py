@@ -7,6 +7,8 @@ from html import escape
 import plotly.graph_objects as go
 
 from sfkit.analysis.comparisons import NetworkComparison
+from sfkit.analysis.judgement import Judgement
+from sfkit.analysis.labels import points
 from sfkit.analysis.paired import Difference
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
@@ -31,13 +33,13 @@ def comparison_figure(
     look = LOOKS[read_theme(theme)]
     found = [(row.network, row.difference) for row in comparison.rows if row.difference is not None]
     groups = (
-        ("better", "circle", ACCENT),
-        ("worse", "circle", WARM),
-        ("within noise", "circle-open", look.muted),
-        ("no interval", "x", look.muted),
+        (Judgement.BETTER, "circle", ACCENT),
+        (Judgement.WORSE, "circle", WARM),
+        (Judgement.WITHIN_NOISE, "circle-open", look.muted),
+        (Judgement.UNKNOWN, "x", look.muted),
     )
     for name, symbol, colour in groups:
-        rows = [(network, d) for network, d in found if d.word == name and d.value == d.value]
+        rows = [(network, d) for network, d in found if d.word is name and d.value == d.value]
         if not rows:
             continue
         intervals = [d.interval or (d.value, d.value) for _, d in rows]
@@ -68,8 +70,8 @@ def comparison_figure(
         autorange="reversed",
         title_text="network",
     )
-    points = "percentage points" if comparison.unit == "%" else comparison.unit
-    figure.update_xaxes(title_text=f"difference to {escape(comparison.reference)} ({points})")
+    unit = points(comparison.unit, full=True)
+    figure.update_xaxes(title_text=f"difference to {escape(comparison.reference)} ({unit})")
     return finish(
         figure,
         theme=theme,
@@ -80,7 +82,8 @@ def comparison_figure(
 
 
 def _answer(found: list[Difference]) -> str:
-    counts = {name: sum(d.word == name for d in found) for name in ("better", "worse", "within noise")}
+    told = (Judgement.BETTER, Judgement.WORSE, Judgement.WITHIN_NOISE)
+    counts = {str(name): sum(d.word is name for d in found) for name in told}
     level = f"{100 * found[0].level:.0f} %" if found else "95 %"
     said = ", ".join(f"{number} {name}" for name, number in counts.items() if number) or "none can be told"
     return f"{said}; further left is better; whiskers: {level} intervals over images"

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.differences import AdvantagePanels
-from sfkit.figures.colours import ERROR, averaged, embedded, paint, picked
+from sfkit.colours import ERROR, averaged, embedded, paint, picked
 from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
 from sfkit.figures.theme import finish
 

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.labels import score_text
-from sfkit.figures.colours import (
+from sfkit.colours import (
     DISPARITY,
     ERROR,
     ERROR_SPAN,

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.geometry import TaskVectorGeometry
-from sfkit.figures.colours import SHARE
+from sfkit.colours import SHARE
 from sfkit.figures.heatmaps import CELL, matrix
 from sfkit.figures.theme import finish, read_theme
 

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from sfkit.figures.colours import ERROR, Stops, plotly_scale
+from sfkit.colours import ERROR, Stops, plotly_scale
 
 CELL = 26
 """Height of one row in pixels."""
@@ -40,7 +40,7 @@ def matrix(
         columns: C names.
         name: of the trace.
         unit: title of the colour bar.
-        stops: the colour map; :data:`~sfkit.figures.colours.ERROR` for differences, its middle at 0.
+        stops: the colour map; :data:`~sfkit.colours.ERROR` for differences, its middle at 0.
         limits: values of its ends; symmetric about 0 unless given.
         form: format of the numbers.
         hover: plotly's template.

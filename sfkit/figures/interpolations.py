@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.interpolation import InterpolationCurve
-from sfkit.analysis.labels import metric_label
+from sfkit.analysis.labels import marked, metric_label, points
 from sfkit.errors import InputError
 from sfkit.figures.theme import finish, read_theme, series_style
 
@@ -39,7 +39,7 @@ def interpolation_figure(
     benchmarks = list(dict.fromkeys(curve.benchmark for curve in curves))
     names = list(dict.fromkeys(curve.name for curve in curves))
     guided = {curve.benchmark for curve in curves if curve.validation}
-    titles = [f"{escape(name)}{' *' if name in guided else ''}" for name in benchmarks]
+    titles = [marked(escape(name), name in guided) for name in benchmarks]
     figure = make_subplots(rows=1, cols=len(benchmarks), subplot_titles=titles, horizontal_spacing=0.07)
     for curve in curves:
         _line(figure, curve, names.index(curve.name), benchmarks.index(curve.benchmark) + 1)
@@ -80,7 +80,7 @@ def _line(figure: go.Figure, curve: InterpolationCurve, number: int, col: int) -
 def _answer(curves: Sequence[InterpolationCurve], guided: bool) -> str:
     inside = sum(0.0 < curve.best < 1.0 for curve in curves)
     barriers = [curve.barrier for curve in curves if np.isfinite(curve.barrier)]
-    unit = "points" if curves[0].unit == "%" else "px"
+    unit = points(curves[0].unit)
     ridge = f"; the highest ridge stands {max(barriers):.2f} {unit} above its ends' line" if barriers else ""
     mark = "; * guided a search" if guided else ""
     return f"{inside} of {len(curves)} lines are best between their ends (dots){ridge}{mark}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import plotly.graph_objects as go
 
-from sfkit.figures.colours import Stops, plotly_scale
+from sfkit.colours import Stops, plotly_scale
 
 
 def add_picture(

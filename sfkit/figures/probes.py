@@ -6,9 +6,10 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from sfkit.analysis.labels import points
 from sfkit.analysis.probes import BlockProbes
 from sfkit.analysis.selection import SelectionStatistics
-from sfkit.figures.colours import SHARE
+from sfkit.colours import SHARE
 from sfkit.figures.heatmaps import CELL, matrix
 from sfkit.figures.theme import ACCENT, WARM, finish, read_theme
 
@@ -25,7 +26,7 @@ def probes_figure(probes: BlockProbes, *, theme: str = "auto", height: int | Non
         InputError: an unknown theme.
     """
     read_theme(theme)
-    unit = "percentage points" if probes.unit == "%" else "px"
+    unit = points(probes.unit, full=True)
     figure = go.Figure(
         matrix(
             probes.values,

@@ -11,8 +11,8 @@ from plotly.subplots import make_subplots
 
 from sfkit.analysis.labels import score_text
 from sfkit.analysis.routings import RoutingTrace
+from sfkit.colours import SHARE, colour_at, plotly_scale, text_on
 from sfkit.errors import InputError
-from sfkit.figures.colours import SHARE, colour_at, plotly_scale, text_on
 from sfkit.figures.theme import ACCENT, LOOKS, finish, read_theme, series_style
 
 EVALUATION = "evaluation (number)"

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.labels import metric_label
+from sfkit.analysis.labels import marked, metric_label
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
 from sfkit.figures.axes import FAILED_NAME, beyond
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
@@ -63,7 +63,7 @@ def scores_figure(
 
 def _panel_title(grid: ScoreGrid, benchmark: str) -> str:
     guided = any(column.validation for column in grid.columns if column.benchmark == benchmark)
-    return f"{escape(benchmark)}{' *' if guided else ''}"
+    return marked(escape(benchmark), guided)
 
 
 def _panel(

@@ -8,8 +8,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.similarity import DataSimilarity
+from sfkit.colours import SHARE
 from sfkit.errors import InputError
-from sfkit.figures.colours import SHARE
 from sfkit.figures.heatmaps import CELL, matrix
 from sfkit.figures.theme import finish, read_theme
 

@@ -15,7 +15,7 @@ from sfkit_widgets._compare_scene import scene
 from sfkit_widgets.disparity_compare import DisparityCompare
 
 from sfkit.analysis.differences import advantage
-from sfkit.figures.colours import DISPARITY, ERROR, ERROR_SPAN, error_position, hatch, paint
+from sfkit.colours import DISPARITY, ERROR, ERROR_SPAN, error_position, hatch, paint
 from sfkit.figures.differences import ADVANTAGE_SPAN
 
 pytestmark = pytest.mark.browser

@@ -14,24 +14,24 @@ from torch import nn
 
 from sfkit.architectures import InputConvention, PadSides
 from sfkit.cli import main
+from sfkit.colours import hatch
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import read_disparity
 from sfkit.datasets.pfm import read_pfm
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.prediction import (
     PredictionPlan,
-    colour,
     depth_of,
     match_pairs,
     predict,
     predict_files,
+    preview_of,
 )
 from sfkit.merging import Recipe, open_pool
 from sfkit.merging.network import LoadedNetwork
 from sfkit.merging.saving import save_merged
 
 SIZE = (20, 30)
-GREY = [128, 128, 128]
 
 
 class Given(nn.Module):
@@ -105,20 +105,20 @@ def test_depth_follows_the_cameras(pair: tuple[Path, Path], tmp_path: Path) -> N
 def test_the_preview_is_grey_where_nothing_is_known() -> None:
     said = np.linspace(1, 100, 600, dtype=np.float32).reshape(SIZE)
     said[3, 4], said[5, 6], said[7, 8] = np.nan, np.inf, -np.inf
-    preview = colour(said)
+    preview = preview_of(said)
     assert (preview.shape, preview.dtype) == ((*SIZE, 3), np.uint8)
-    grey = (preview == GREY).all(axis=2)
+    grey = (preview == hatch(*SIZE)).all(axis=2)
     assert np.array_equal(grey, ~np.isfinite(said))
-    ends = cv2.applyColorMap(np.array([[0, 255]], np.uint8), cv2.COLORMAP_VIRIDIS)[0]
+    ends = cv2.applyColorMap(np.array([[0, 255]], np.uint8), cv2.COLORMAP_VIRIDIS)[0, :, ::-1]
     assert preview[0, 0].tolist() == ends[0].tolist(), "near 1 px"
     assert preview[-1, -1].tolist() == ends[1].tolist(), "near 100 px"
 
 
 @pytest.mark.parametrize("level", [np.nan, 7.0])
 def test_a_map_without_contrast_has_a_preview(level: float) -> None:
-    preview = colour(np.full(SIZE, level, np.float32))
-    assert len(np.unique(preview.reshape(-1, 3), axis=0)) == 1
-    assert ((preview == GREY).all()) == np.isnan(level)
+    preview = preview_of(np.full(SIZE, level, np.float32))
+    assert len(np.unique(preview.reshape(-1, 3), axis=0)) == (2 if np.isnan(level) else 1)
+    assert ((preview == hatch(*SIZE)).all()) == np.isnan(level)
 
 
 def test_a_prediction_is_cropped_to_its_image(pair: tuple[Path, Path]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sfkit.figures.colours import DISPARITY, ERROR, SHARE, Stops, lookup
+from sfkit.colours import DISPARITY, ERROR, SHARE, Stops, lookup
 
 SEEN = {
     "protanopia": [

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from sfkit.analysis.differences import advantage_panels
 from sfkit.analysis.disparities import NetworkMaps
+from sfkit.colours import DISPARITY, ERROR, colour_at, hatch
 from sfkit.figures import advantage_figure, disparity_figure
-from sfkit.figures.colours import DISPARITY, ERROR, colour_at, hatch
 
 
 def picture(figure: go.Figure, name: str) -> NDArray[np.uint8]:

@@ -10,9 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from sfkit.errors import InputError
-from sfkit.figures.axes import beyond, log_ticks, whole_ticks
-from sfkit.figures.colours import (
+from sfkit.colours import (
     DISPARITY,
     ERROR,
     SHARE,
@@ -27,6 +25,8 @@ from sfkit.figures.colours import (
     picked,
     text_on,
 )
+from sfkit.errors import InputError
+from sfkit.figures.axes import beyond, log_ticks, whole_ticks
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, SERIES, WARM, Theme, series_style, template
 
 WHITE, NIGHT = (255, 255, 255), (17, 17, 17)

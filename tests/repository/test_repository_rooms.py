@@ -17,6 +17,7 @@ ROOMS = (
     "errors",
     "files",
     "streams",
+    "colours",
     "checkpoints",
     "architectures",
     "datasets",
@@ -41,13 +42,14 @@ ROOMS = (
 NARROW: dict[str, set[str]] = {
     "files": set(),
     "streams": set(),
+    "colours": set(),
     "checkpoints": {"errors", "files"},
     "architectures": {"errors"},
     "datasets": {"errors", "files"},
     "merging": {"errors", "files", "checkpoints", "architectures"},  # it never sees an image
     "search": {"errors", "files", "streams", "merging", "evaluation"},
     "published": {"errors"},
-    "figures": {"errors", "analysis"},  # they draw records, and compute none
+    "figures": {"errors", "colours", "analysis"},  # they draw records, and compute none
     "reports": {"errors", "files"},
 }
 FOREIGN = {

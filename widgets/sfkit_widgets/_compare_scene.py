@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sfkit.analysis.differences import OutlierRegion, advantage, outlier_regions
 from sfkit.analysis.disparities import DisparityPanels, Map, NetworkMaps
 from sfkit.analysis.labels import score_text
-from sfkit.figures.colours import DISPARITY, ERROR, ERROR_SPAN, hatch, lookup
+from sfkit.colours import DISPARITY, ERROR, ERROR_SPAN, hatch, lookup
 from sfkit.figures.differences import ADVANTAGE_SPAN
 
 NO_VALUE, NOT_FINITE = 0, 65535

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sfkit.figures.colours import (
+from sfkit.colours import (
     DISPARITY,
     ERROR,
     ERROR_SPAN,
@@ -18,8 +17,7 @@ from sfkit.figures.colours import (
     averaged,
     colour_at,
     error_position,
-    hatch,
-    lookup,
+    paint,
     picked,
     text_on,
 )
@@ -75,24 +73,7 @@ def _css(stops: Stops) -> list[str]:
 
 
 def _painted(values: NDArray[np.floating[Any]], limits: tuple[float, float], stops: Stops) -> bytes:
-    """As :func:`sfkit.figures.colours.paint`, a tenth of its time."""
-    low, high = limits
-    known = np.isfinite(values)
-    levels = np.clip((np.where(known, values, low) - low) * (255.0 / (high - low)) + 0.5, 0, 255)
-    painted = cv2.applyColorMap(levels.astype(np.uint8), _table(stops))
-    cv2.copyTo(_hatch(*values.shape), (~known).astype(np.uint8), painted)
-    return _coded(np.asarray(painted, dtype=np.uint8))
-
-
-@lru_cache(maxsize=8)
-def _table(stops: Stops) -> PICTURE:
-    """A colour map as OpenCV wants it: (256, 1, 3) BGR."""
-    return np.ascontiguousarray(lookup(stops)[:, None, ::-1])
-
-
-@lru_cache(maxsize=8)
-def _hatch(height: int, width: int) -> PICTURE:
-    return np.ascontiguousarray(hatch(height, width))
+    return _coded(paint(values, limits, stops)[..., ::-1])
 
 
 def _coded(picture: PICTURE) -> bytes:

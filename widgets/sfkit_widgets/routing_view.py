@@ -10,7 +10,7 @@ import traitlets
 
 from sfkit.analysis.labels import metric_label, score_text
 from sfkit.analysis.routings import RoutingTrace
-from sfkit.figures.colours import SHARE, colour_at, text_on
+from sfkit.colours import SHARE, colour_at, text_on
 from sfkit.figures.theme import series_style
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget

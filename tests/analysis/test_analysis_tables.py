@@ -38,6 +38,7 @@ def test_ties_share_a_mark_and_missing_numbers_have_none() -> None:
     assert marks.loc["one"].tolist() == ["best", "best", "second", ""]
     assert marks.loc["two"].tolist() == ["", "second", "best", ""]
     assert ranks(table(), along="column")["d"].tolist() == ["best", "second"][::1]
+    assert ranks(table(), lower_is_better=False).loc["one"].tolist() == ["second", "second", "best", ""]
     assert ranks(table(), columns=["d"]).loc["two"].tolist() == ["", "", "best", ""]
     with pytest.raises(InputError, match="way to compare"):
         ranks(table(), along="rows")
@@ -70,7 +71,7 @@ def test_styles_are_bold_and_underlined() -> None:
 def test_latex_is_what_pandas_writes_but_for_the_marks() -> None:
     ours = latex_table(table())
     bare = re.sub(r"\\(textbf|underline)\{([^}]*)\}", r"\2", ours)
-    theirs = table().rename_axis(None).to_latex(float_format="%.2f", escape=True, na_rep="–")
+    theirs = table().rename_axis(None).to_latex(float_format="%.2f", escape=True, na_rep="--")
     assert [re.sub(r"\s+", " ", line).strip() for line in bare.replace("bench & ", " & ").splitlines()] == [
         re.sub(r"\s+", " ", line).strip() for line in theirs.splitlines()
     ]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 
 from sfkit import InputError
 from sfkit.analysis import export_table
-from sfkit.analysis.export import latex_table
 
 TABLE = pd.DataFrame(
     {
@@ -36,8 +36,13 @@ Stage 1+2 & c & \textbf{9.00} & -- & 7 \\
 """
 
 
-def test_latex_is_what_one_would_write_by_hand() -> None:
-    text = latex_table(TABLE, label="main", caption="Scores in %", lower_is_better=["world * [%]"])
+def latex(table: pd.DataFrame, folder: Path, name: str, **settings: Any) -> str:
+    export_table(table, folder, name, **settings)
+    return (folder / f"{name}.tex").read_text(encoding="utf-8")
+
+
+def test_latex_is_what_one_would_write_by_hand(tmp_path: Path) -> None:
+    text = latex(TABLE, tmp_path, "main", caption="Scores in %", lower_is_better=["world * [%]"])
     assert text == BY_HAND
 
 
@@ -48,9 +53,9 @@ def test_both_files_are_written_and_the_table_comes_back(tmp_path: Path) -> None
     assert (tmp_path / "new" / "main.tex").read_text().startswith(r"\begin{table}")
 
 
-def test_every_network_that_prints_as_the_best_is_bold() -> None:
+def test_every_network_that_prints_as_the_best_is_bold(tmp_path: Path) -> None:
     tie = pd.DataFrame({"score": [1.001, 1.004, 2.0]}, index=pd.Index(list("abc"), name="network"))
-    text = latex_table(tie, label="tie", lower_is_better=["score"])
+    text = latex(tie, tmp_path, "tie", lower_is_better=["score"])
     assert text.count(r"\textbf{1.00}") == 2
 
 
@@ -59,7 +64,7 @@ def test_several_levels_of_rows_and_columns_become_one(tmp_path: Path) -> None:
     table = pd.DataFrame([[1.0], [2.0]], index=rows, columns=pd.MultiIndex.from_tuples([("mean", "low")]))
     export_table(table, tmp_path, "levels")
     assert pd.read_csv(tmp_path / "levels.csv").iloc[-1, :2].tolist() == ["slim", "own"]
-    text = latex_table(table, label="levels")
+    text = latex(table, tmp_path, "levels")
     assert "pool / subset & mean low" in text
     assert "bank / own & 1.00" in text
 
