@@ -10,9 +10,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
+from sfkit.analysis.judgement import Judgement
 from sfkit.analysis.labels import marked, points
 from sfkit.analysis.paired import Difference
-from sfkit.analysis.word import Judgement
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 ROW = 22
