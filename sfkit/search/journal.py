@@ -169,6 +169,14 @@ class JournalledSearch:
         return dict(self.start["settings"])
 
     @property
+    def most(self) -> int:
+        """The most candidates of Stage 1; a journal from before it said so is of the paper's search."""
+        if "most" in self.start:
+            return int(self.start["most"])
+        population, generations = (int(self.settings[name]) for name in ("population", "generations"))
+        return population + generations * (population + population % 2)
+
+    @property
     def generation(self) -> int:
         """The number of the last finished generation; -1 before the first."""
         return int(self.generations[-1]["generation"]) if self.generations else -1

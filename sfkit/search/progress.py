@@ -138,7 +138,7 @@ def watched_progress(records: Iterable[Mapping[str, Any]], search: str) -> Progr
         raise InputError(f"journal: found no {search} search, expected one: run it with journal=Journal(...)")
     settings, counts = found.settings, Counts(**_known(found.counts))
     first_stage = search == SubsetSearch.kind
-    total = _most(start) if first_stage else int(settings["evaluations"])
+    total = found.most if first_stage else int(settings["evaluations"])
     return Progress(
         stage=STAGES[search],
         phase=Phase.OPEN if found.end is None else Phase.STOPPED if found.stopped else Phase.FINISHED,
@@ -153,14 +153,6 @@ def watched_progress(records: Iterable[Mapping[str, Any]], search: str) -> Progr
         reason=found.reason,
         written=found.written,
     )
-
-
-def _most(start: Mapping[str, Any]) -> int:
-    """The most candidates of Stage 1; a journal from before it said so is of the paper's search."""
-    if "most" in start:
-        return int(start["most"])
-    population, generations = int(start["settings"]["population"]), int(start["settings"]["generations"])
-    return population + generations * (population + population % 2)
 
 
 def _best(entry: Mapping[str, Any] | None) -> Best | None:
