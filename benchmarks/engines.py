@@ -22,9 +22,9 @@ from itertools import combinations, islice
 
 import torch
 
+from sfkit import open_benchmark, open_pool
 from sfkit.bank import VALIDATION
 from sfkit.evaluation import Evaluator
-from sfkit.places import BANK, open_benchmark, open_pool
 
 ENGINES = ("inline", "processes", "ray")
 WORKERS = (1, 2)
@@ -99,7 +99,7 @@ def measure(
 
 def timed(engine: str, workers: int, evaluations: int, pairs: int) -> Run:
     """Start an engine, warm it up with one subset, then time the others."""
-    pool, benchmark = open_pool(BANK), open_benchmark(f"{BANK}:{VALIDATION}", pairs=pairs)
+    pool, benchmark = open_pool("bank"), open_benchmark(f"bank:{VALIDATION}", pairs=pairs)
     first, *rest = islice(combinations(pool.names, 4), evaluations + 1)
     with (
         ray_for(engine, workers),

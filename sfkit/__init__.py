@@ -16,8 +16,9 @@ from importlib.metadata import version
 
 from sfkit import baselines
 from sfkit.architectures import InputConvention, PadSides, register_architecture
+from sfkit.bank.source_data import open_source_data
 from sfkit.checkpoints import FileForm, read_checkpoint
-from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.benchmark import Benchmark, open_benchmark, open_benchmarks
 from sfkit.datasets.calibration import Calibration, read_calibration
 from sfkit.datasets.check import check_data
 from sfkit.datasets.metric import Metric, register_metric
@@ -35,12 +36,11 @@ from sfkit.evaluation import (
     validation_scorer,
 )
 from sfkit.evaluation.stereo_model import Disparity, StereoModel, load
-from sfkit.merging import LiveModel, Pool, Recipe, routed
+from sfkit.merging import LiveModel, Pool, Recipe, open_pool, routed
 from sfkit.merging.network import load_network
 from sfkit.merging.preparation import prepare, prepared_for
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
 from sfkit.merging.steps import Drop, Elect, FisherMean, Mean, Trim
-from sfkit.places import open_benchmark, open_benchmarks, open_pool, open_source_data
 from sfkit.search import (
     BayesianRoutingSearch,
     BayesianRoutingSettings,

@@ -13,10 +13,10 @@ from typing import Any
 import pandas as pd
 
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.editing import SeenByHand, seen_by_hand
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import FIELDS, HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.hand_edits import SeenByHand, seen_by_hand
 from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.separation import check_separation
 from sfkit.evaluation.store import EvaluationStore

@@ -18,9 +18,9 @@ from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
+from sfkit.editing import SeenByHand
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.hand_edits import SeenByHand
 from sfkit.evaluation.separation import check_separation
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe

@@ -9,11 +9,17 @@ from pathlib import Path
 from sfkit.analysis.previews import PairLook, PairPreview, held_score
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.editing import (
+    GAMMA,
+    EditHistory,
+    RoutingDraft,
+    SeenByHand,
+    mark_hand_edit,
+    seen_by_hand,
+)
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.hand_edits import SeenByHand, mark_hand_edit, seen_by_hand
 from sfkit.evaluation.separation import pairs_in_common
-from sfkit.merging.editing import GAMMA, EditHistory, RoutingDraft
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search.journal import JournalledSearch, read_journal
 from sfkit.search.routing import RoutingSearch

@@ -11,7 +11,9 @@ from pathlib import Path
 from sfkit.bank.build import build
 from sfkit.bank.plan import BANK, bank_plan, banks
 from sfkit.bank.rendered import benchmark, benchmarks, held_out
+from sfkit.datasets.benchmark import register_benchmarks
 from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
+from sfkit.merging.opening import register_pool
 
 __all__ = [
     "VALIDATION",
@@ -43,3 +45,8 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
     """
     records = json.loads((pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
     return {source: float(r["cpu_seconds"]) for source, r in records.items() if source != BASE.name}
+
+
+for _name in banks():
+    register_pool(_name, pool_path(_name))
+register_benchmarks(BANK.name, benchmarks(), benchmark)

@@ -12,7 +12,7 @@ from sfkit.cli.options import JsonOption, emit
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
-    from sfkit.demo import Demo
+    from sfkit.bank.demo import Demo
 
 
 def demo(
@@ -29,7 +29,7 @@ def demo(
     Example:
       sfkit demo
     """
-    from sfkit.demo import demo as run_demo  # with all of Jupyter behind it, too slow for other commands
+    from sfkit.bank.demo import demo as run_demo  # with all of Jupyter behind it, too slow for other commands
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder for the results")

@@ -11,14 +11,13 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.benchmark import Benchmark, has_files, open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.store import EvaluationStore
-from sfkit.merging import Pool, Recipe
+from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.preparation import prepared_for
 from sfkit.merging.saving import read_recipe
-from sfkit.places import BANK, open_benchmark, open_pool
 from sfkit.search import subset_of, transfer
 
 Made = TypeVar("Made")
@@ -90,7 +89,7 @@ def benchmark_of(
         InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded bank's
             benchmarks (``bank:NAME``) have none.
     """
-    if root is None and name.partition(":")[0] != BANK:
+    if root is None and has_files(name):
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
     benchmark = open_benchmark(
         name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv, coding=coding

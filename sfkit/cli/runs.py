@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+from sfkit.analysis.inspection import recipe_lines
 from sfkit.cli.options import JsonOption, emit
 from sfkit.errors import InputError
 from sfkit.evaluation.exchange import export_evaluations, import_evaluations
 from sfkit.evaluation.store import EvaluationStore
-from sfkit.inspection import recipe_lines
 from sfkit.merging.recipe import Recipe
 from sfkit.search.runs import compare_runs, find_runs, read_run, run_table
 

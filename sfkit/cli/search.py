@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from sfkit.analysis.inspection import recipe_lines
 from sfkit.analysis.overfit import holdout_check
 from sfkit.cli.options import (
     BenchmarkOption,
@@ -49,7 +50,6 @@ from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.holdout import LEAST
-from sfkit.inspection import recipe_lines
 from sfkit.merging.saving import read_recipe
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings, subset_of
 from sfkit.search.pipeline import Found, Plan, cost, search_pool, summary

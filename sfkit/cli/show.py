@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from sfkit.analysis.inspection import inspect_file
 from sfkit.cli.options import JsonOption, emit
-from sfkit.inspection import inspect_file
 
 
 def show(

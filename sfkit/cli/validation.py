@@ -10,11 +10,10 @@ from typing import Annotated, Any
 import typer
 
 from sfkit.cli.options import names, say, store_of
-from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.benchmark import Benchmark, open_benchmarks
 from sfkit.errors import InputError
 from sfkit.evaluation import CombinedScorer, Compute, Evaluator
 from sfkit.merging import Pool
-from sfkit.places import open_benchmarks
 
 AlsoOption = Annotated[
     list[str] | None,

@@ -1,6 +1,6 @@
 """Stereo pairs with ground truth: file formats, public data sets, benchmarks, and checks of the data."""
 
-from sfkit.datasets.benchmark import memory_benchmark, open_benchmark
+from sfkit.datasets.benchmark import memory_benchmark, open_benchmark, open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.check import DataReport, check_benchmark, check_data
 from sfkit.datasets.formats import (
@@ -29,6 +29,7 @@ __all__ = [
     "manifest_names",
     "memory_benchmark",
     "open_benchmark",
+    "open_benchmarks",
     "read_disparity",
     "read_image",
     "read_pfm",

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.finding import Found, find_pairs, nothing_found
@@ -13,17 +17,48 @@ from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
 from sfkit.datasets.roots import open_root
 from sfkit.datasets.tables import absent_files, find_in_table
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 
-__all__ = ["PAIRS", "PAIRS_METRIC", "Benchmark", "find_own_pairs", "memory_benchmark", "open_benchmark"]
+__all__ = [
+    "PAIRS",
+    "PAIRS_METRIC",
+    "Benchmark",
+    "find_own_pairs",
+    "has_files",
+    "memory_benchmark",
+    "open_benchmark",
+    "open_benchmarks",
+    "register_benchmarks",
+]
 
 PAIRS = "pairs"
 PAIRS_METRIC = "epe"
 
 
+@dataclass(frozen=True)
+class _Rendered:
+    """Benchmarks without files, and what makes one of them."""
+
+    names: tuple[str, ...]
+    make: Callable[[str], Benchmark]
+
+
+_RENDERED: dict[str, _Rendered] = {}
+
+
+def register_benchmarks(collection: str, names: Iterable[str], make: Callable[[str], Benchmark]) -> None:
+    """Let :func:`open_benchmark` know benchmarks without files as ``COLLECTION:NAME``."""
+    _RENDERED[collection] = _Rendered(tuple(names), make)
+
+
+def has_files(name: str) -> bool:
+    """Whether the benchmark of that name lies in a folder, which has to be named then."""
+    return name.partition(":")[0] not in _RENDERED
+
+
 def open_benchmark(
     name: str,
-    root: Path | str,
+    root: Path | str | None = None,
     *,
     protocol: str | None = None,
     metric: str | None = None,
@@ -32,12 +67,14 @@ def open_benchmark(
     coding: str | None = None,
     table: Path | str | None = None,
 ) -> Benchmark:
-    """Find the pairs of a data set under a folder; no image is read.
+    """Find the pairs of a data set under a folder, or those that come with sfkit; no image is read.
 
     Args:
-        name: a manifest's name (``eth3d``, ``kitti2012``, ``kitti2015``, ``middlebury``), or ``pairs``
-            for a folder of one's own (see :mod:`sfkit.datasets.folders`) or a CSV file.
-        root: the folder; for ``pairs`` also a CSV file, whose paths are then relative to its folder.
+        name: a manifest's name (``eth3d``, ``kitti2012``, ``kitti2015``, ``middlebury``), ``pairs``
+            for a folder of one's own (see :mod:`sfkit.datasets.folders`) or a CSV file, or ``bank:NAME``
+            of the embedded bank.
+        root: the folder; for ``pairs`` also a CSV file, whose paths are then relative to its folder; none
+            for the bank's, which are rendered.
         protocol: ``openstereo`` unless given; ``all-valid`` for ``pairs``.
         metric: the protocol's or the data set's own unless given; ``epe`` for ``pairs``.
         resolution: ``F``, ``H`` or ``Q`` of Middlebury; one that the protocol allows unless given.
@@ -49,7 +86,16 @@ def open_benchmark(
         InputError: an unknown name, no complete pair, ambiguous or misplaced files, or settings that do
             not fit each other; the message says what to do.
     """
-    if name == PAIRS:
+    if not has_files(name):
+        rendered = _rendered(name)
+        if root is not None or resolution is not None or coding is not None or table is not None:
+            raise InputError(
+                f"benchmark {name!r}: is rendered, expected no root, resolution, coding or table"
+            )
+        whole = rendered().measured_by(protocol=protocol, metric=metric)
+    elif root is None:
+        raise InputError(f"benchmark {name!r}: root is missing, expected the folder of its files")
+    elif name == PAIRS:
         if resolution is not None:
             raise InputError(f"pairs: found resolution={resolution!r}, a folder has none; leave it out")
         whole = _open_pairs(root, protocol, metric, coding, table)
@@ -62,6 +108,37 @@ def open_benchmark(
     if pairs is None:
         return whole
     return whole.first(pairs) if isinstance(pairs, int) else whole.select(pairs)
+
+
+def open_benchmarks(entries: Iterable[str | Mapping[str, Any]]) -> list[Benchmark]:
+    """Open several: each entry a name, or the arguments of :func:`open_benchmark` as a dictionary.
+
+    Raises:
+        InputError: as :func:`open_benchmark` says, or an entry is neither, or has an unknown argument.
+    """
+    known = tuple(inspect.signature(open_benchmark).parameters)
+    opened = []
+    for entry in entries:
+        if not isinstance(entry, str | Mapping):
+            raise InputError(f"benchmarks: found {entry!r}, expected a name or a dictionary of arguments")
+        values = {"name": entry} if isinstance(entry, str) else dict(entry)
+        for key in values:
+            if key not in known:
+                raise unknown_name("argument of a benchmark", key, known)
+        if "name" not in values:
+            raise InputError(f"benchmarks: found {values}, expected an entry 'name'")
+        opened.append(open_benchmark(**values))
+    return opened
+
+
+def _rendered(name: str) -> Callable[[], Benchmark]:
+    """What makes a benchmark without files, called ``COLLECTION:NAME``."""
+    collection, colon, one = name.partition(":")
+    known = _RENDERED[collection]
+    if not colon:
+        listed = ", ".join(f"{collection}:{entry}" for entry in known.names)
+        raise InputError(f"benchmark {name!r}: the {collection} has several, expected one of: {listed}")
+    return partial(known.make, one)
 
 
 def _open_named(

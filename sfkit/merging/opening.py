@@ -17,6 +17,14 @@ from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.pool import Pool
 from sfkit.merging.skeleton import skeleton
 
+_NAMED: dict[str, Path] = {}
+"""Pools that are opened by name: they come with sfkit, and register themselves."""
+
+
+def register_pool(name: str, path: Path) -> None:
+    """Let :func:`open_pool` know a pool by name: what ships with sfkit has no path that users would know."""
+    _NAMED[name] = path
+
 
 def open_pool(
     path: str | Path | PoolSpec,
@@ -25,6 +33,8 @@ def open_pool(
     blocks: BlockPartition | Mapping[str, Sequence[str]] | str | None = None,
 ) -> Pool:
     """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
+
+    ``path`` is that file, its folder, or ``"bank"`` or ``"bank-slim"`` for a pool that comes with sfkit.
 
     ``blocks`` takes the place of the partition that it or the architecture gives: block name -> globs over
     keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see
@@ -40,6 +50,8 @@ def open_pool(
         InputError: anything in the description or the files is not as it must be; see
             :mod:`sfkit.checkpoints`.
     """
+    if isinstance(path, str):
+        path = _NAMED.get(path, path)
     spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
     wanted = spec.partition if blocks is None else blocks
     automatic = parse_partition(wanted) if isinstance(wanted, str) else None

@@ -7,7 +7,7 @@ from flat_world import benchmark, flat_spec
 
 from sfkit import EvaluationStore, InputError, Recipe, open_pool
 from sfkit.analysis import Experiment, Study, environment, recipe_table, study, summary
-from sfkit.evaluation.hand_edits import mark_hand_edit
+from sfkit.editing import mark_hand_edit
 
 LEVELS = {"one": 1.0, "five": 5.0, "ten": 10.0}
 METHODS = ("single_best", "single_best_oracle", "uniform", "stage1", "stage1_2")

@@ -11,9 +11,9 @@ from tiny import write_pairs, write_pool
 from sfkit.analysis import routing_trace
 from sfkit.analysis.workbench import RoutingWorkbench
 from sfkit.datasets.benchmark import open_benchmark
+from sfkit.editing import seen_by_hand
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, Evaluator
-from sfkit.evaluation.hand_edits import seen_by_hand
 from sfkit.merging import Recipe, open_pool
 from sfkit.search import Journal, RoutingSearch, RoutingSettings
 

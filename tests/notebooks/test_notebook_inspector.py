@@ -12,7 +12,7 @@ from nbformat import NotebookNode
 from report_page import opened
 
 import sfkit
-from sfkit.evaluation.hand_edits import seen_by_hand
+from sfkit.editing import seen_by_hand
 from sfkit.reports import report
 
 if TYPE_CHECKING:

@@ -27,13 +27,11 @@ ROOMS = (
     "search",
     "published",
     "baselines",
+    "editing",
     "analysis",
     "figures",
-    "inspection",
-    "bank",
-    "places",
     "reports",
-    "demo",
+    "bank",
     "__init__",
     "cli",
     "__main__",
@@ -49,6 +47,7 @@ NARROW: dict[str, set[str]] = {
     "merging": {"errors", "files", "checkpoints", "architectures"},  # it never sees an image
     "search": {"errors", "files", "streams", "merging", "evaluation"},
     "published": {"errors"},
+    "editing": {"errors", "datasets", "merging", "evaluation"},
     "figures": {"errors", "colours", "analysis"},  # they draw records, and compute none
     "reports": {"errors", "files"},
 }

@@ -14,13 +14,22 @@ from hypothesis import strategies as st
 from search_landscapes import BLOCKS, Scorer, names, subset_landscape
 from tiny import write_pairs, write_pool
 
-from sfkit import CombinedScorer, Evaluator, Journal, Pool, RoutingSearch, RoutingSettings, SubsetSearch
+from sfkit import (
+    CombinedScorer,
+    Evaluator,
+    Journal,
+    Pool,
+    RoutingSearch,
+    RoutingSettings,
+    SubsetSearch,
+    open_benchmark,
+    open_pool,
+)
 from sfkit import SubsetSettings as Settings
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.store import Evaluation
 from sfkit.merging.recipe import Recipe
-from sfkit.places import open_benchmark, open_pool
 from sfkit.search.journal import read_journal
 from sfkit.search.live import LiveSearch
 from sfkit.search.progress import Phase

@@ -8,9 +8,8 @@ from typing import Any
 from sfkit.analysis.previews import PairLook, PairPreview
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.workbench import RoutingWorkbench
+from sfkit.editing import EditHistory, SeenByHand
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.hand_edits import SeenByHand
-from sfkit.merging.editing import EditHistory
 from sfkit.merging.recipe import Recipe
 from sfkit_widgets._pictures import (
     disparity_legend,

@@ -10,8 +10,8 @@ from typing import Any
 from sfkit.analysis.previews import PairLook
 from sfkit.analysis.workbench import RoutingWorkbench, Trials
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.editing import EditHistory, RoutingDraft
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.merging.editing import EditHistory, RoutingDraft
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.saving import save_merged
 from sfkit_widgets import _routing_state as state

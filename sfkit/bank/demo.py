@@ -14,7 +14,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pandas as pd
 import torch
@@ -24,10 +24,9 @@ from sfkit.analysis import contenders
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
-from sfkit.merging.saving import save_merged
-from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
+from sfkit.search import RoutingSettings, SubsetSettings
+from sfkit.search.pipeline import Plan, search_pool
 from sfkit.search.records import Generation, SubsetCandidate
-from sfkit.search.routing_records import RoutingCandidate
 
 NOTEBOOK = "01_quickstart"
 
@@ -47,6 +46,11 @@ class Budget:
     def subsets(self) -> int:
         """Candidates Stage 1 proposes; repeated ones cost nothing."""
         return self.population * (self.generations + 1)
+
+    def plan(self, seed: int) -> Plan:
+        """Both stages within this budget."""
+        stage1 = SubsetSettings(population=self.population, generations=self.generations, seed=seed)
+        return Plan(stage1=stage1, stage2=RoutingSettings(evaluations=self.evaluations, seed=seed))
 
 
 @dataclass(frozen=True)
@@ -84,9 +88,9 @@ def demo(
 ) -> Demo:
     """Search the bank's 11 sources on the quick validation pairs, then test on the unseen benchmarks.
 
-    Writes ``evaluations.sqlite``, ``scores.csv``, ``merged.safetensors`` and ``report.html`` (the
-    quickstart notebook run on the bank with the same seed and budget) into ``out``. What the store holds
-    already is not computed again.
+    Writes what :func:`~sfkit.search.pipeline.search_pool` does, ``evaluations.sqlite``, ``scores.csv`` and
+    ``report.html`` (the quickstart notebook run on the bank with the same seed and budget) into ``out``. What
+    the store holds already is not computed again.
     """
     started = time.perf_counter()
     pool = open_pool(bank.pool_path())
@@ -95,7 +99,8 @@ def demo(
     with EvaluationStore(path) as store, _scored_meanwhile(path) as known:
         held = {evaluation.key for evaluation in store}
         scorer = Evaluator(pool, validation, store=store)
-        stage1, stage2 = _search(pool, scorer, seed, budget, progress)
+        found = search_pool(pool, scorer, budget.plan(seed), out, progress=_Steps(budget, progress))
+        stage1 = cast(SubsetCandidate, found.stage1)  # the plan has both stages
         for number, (name, scored) in enumerate(reversed(known.items())):
             progress("Members", number, len(known), name)
             if scored.cancel():  # not begun: done here, beside the other process
@@ -103,7 +108,7 @@ def demo(
             else:
                 scored.result()
         progress("Members", len(known), len(known), "")
-        recipes = contenders(pool, {"Stage 1": stage1.recipe, "Stage 1+2": stage2.recipe})
+        recipes = contenders(pool, {"Stage 1": stage1.recipe, "Stage 1+2": found.recipe})
         best = _single_best(pool, scorer)
         rows = {"base": recipes["base"], f"single best ({best})": pool.equal(best)}
         rows |= {name: recipes[name] for name in ("uniform", "Stage 1", "Stage 1+2")}
@@ -116,11 +121,10 @@ def demo(
         progress("Test", len(benchmarks), len(benchmarks), "")
         table = pivot(pd.concat(parts, ignore_index=True))
         scores = write_table(table, out / "scores.csv")
-        merged = save_merged(pool, stage2.recipe, out / "merged.safetensors", overwrite=True)
         fresh = [len(evaluation.images) for evaluation in store if evaluation.key not in held]
     page = _report(out, seed, budget, progress) if with_report else None
     seconds = time.perf_counter() - started
-    return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, merged, page, scores)
+    return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores)
 
 
 def _unseen() -> tuple[str, ...]:
@@ -151,20 +155,16 @@ def _score_members(path: Path, name: str) -> None:
         score_recipes(pool, contenders(pool), [bank.benchmark(name)], store=store)
 
 
-def _search(
-    pool: Pool, scorer: Evaluator, seed: int, budget: Budget, progress: Progress
-) -> tuple[SubsetCandidate, RoutingCandidate]:
-    settings = SubsetSettings(population=budget.population, generations=budget.generations, seed=seed)
-    stage1 = SubsetSearch(pool.names, pool.blocks, scorer, settings)
-    first = stage1.run(lambda g: progress("Stage 1", g.counts.candidates, budget.subsets, _score(g)))
-    routing = RoutingSettings(evaluations=budget.evaluations, seed=seed)
-    stage2 = RoutingSearch(first.subset, pool.blocks, scorer, routing)
-    second = stage2.run(lambda g: progress("Stage 2", g.counts.candidates, budget.evaluations, _score(g)))
-    return first, second
+class _Steps:
+    """The progress of a search as the demo shows it."""
 
+    def __init__(self, budget: Budget, show: Progress) -> None:
+        self._of = {"Stage 1": budget.subsets, "Stage 2": budget.evaluations}
+        self._show = show
 
-def _score(generation: Generation[Any]) -> str:
-    return "" if generation.best is None else f"best {generation.best.score:.2f} %"
+    def __call__(self, stage: str, generation: Generation[Any]) -> None:
+        best = "" if generation.best is None else f"best {generation.best.score:.2f} %"
+        self._show(stage, generation.counts.candidates, self._of[stage], best)
 
 
 def _single_best(pool: Pool, scorer: Evaluator) -> str:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sfkit.editing.drafts import LONGEST_HISTORY, EditHistory, RoutingDraft
 from sfkit.errors import InputError
-from sfkit.merging.editing import LONGEST_HISTORY, EditHistory, RoutingDraft
 from sfkit.merging.recipe import Recipe, routed
 
 SOURCES = ("a", "b", "c", "d")

@@ -8,8 +8,8 @@ import pytest
 from tiny import write_pairs
 
 from sfkit.datasets.benchmark import Benchmark, open_benchmark
+from sfkit.editing import mark_hand_edit, seen_by_hand
 from sfkit.evaluation import EvaluationStore
-from sfkit.evaluation.hand_edits import mark_hand_edit, seen_by_hand
 
 
 @pytest.fixture(scope="module")
