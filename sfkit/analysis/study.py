@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pandas as pd
@@ -17,6 +17,7 @@ from sfkit.analysis.labels import marked
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
+from sfkit.analysis.verdict import Verdict, verdict
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.editing import SeenByHand
 from sfkit.errors import InputError
@@ -45,7 +46,7 @@ class Study:
         measured: all networks on every benchmark, validation first: base, sources, then those of ``runs``.
         comparison: a row a method, seeds averaged, differences to :attr:`reference`.
         reference: the row that others are compared with.
-        chosen: the network validation prefers among all that saw nothing else: what to deploy.
+        verdict: what to deploy, why, and how sure.
         by_hand: reported benchmarks whose scores a person saw while editing; they count as guided.
     """
 
@@ -56,13 +57,37 @@ class Study:
     measured: tuple[Measured, ...]
     comparison: NetworkComparison
     reference: str
-    chosen: str
+    verdict: Verdict
     by_hand: tuple[SeenByHand, ...] = ()
+
+    @property
+    def chosen(self) -> str:
+        """The network the verdict recommends."""
+        return self.verdict.recommended
 
     @property
     def result(self) -> BaselineResult:
         """The method's result that :attr:`chosen` is the network of."""
         return self.runs[self.chosen]
+
+    @property
+    def pictured(self) -> str:
+        """The network that figures, probes and maps are of: :attr:`chosen`, if the pool as read can make it.
+
+        A network of prepared task vectors has a pool of its own; then it is the stages' best on validation.
+        """
+        if self.result.pool is self.experiment.pool:
+            return self.chosen
+        own = [name for name, one in self.runs.items() if one.pool is self.experiment.pool and not one.oracle]
+        return min(own, key=lambda name: self.runs[name].score)
+
+    @property
+    def seed(self) -> int:
+        """The seed of :attr:`pictured`; of the best run of the two stages where its method has none."""
+        seeded = [name for name, one in self.runs.items() if one.name in SEEDED]
+        of = {name: self.seeds[place % len(self.seeds)] for place, name in enumerate(seeded)}
+        best = min(seeded, key=lambda name: self.runs[name].score, default="")
+        return of.get(self.pictured, of.get(best, self.seeds[0]))
 
     @property
     def unseen(self) -> tuple[Measured, ...]:
@@ -98,7 +123,7 @@ class Study:
         ``*`` marks the columns that guided, ``†`` the rows that chose by the test.
         """
         table = self.comparison.table()
-        table["verdict"] = [_verdict(row.difference) for row in self.comparison.rows]
+        table["verdict"] = [_word(row.difference) for row in self.comparison.rows]
         oracles = {r.label: f"{r.label} †" for r in self.runs.values() if r.oracle}
         return table.rename(index=oracles)
 
@@ -202,7 +227,8 @@ def study(
         raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
     label = run.results[name].label
     comparison = _compare(experiment, measured, runs, label)
-    return Study(experiment, used, run, runs, measured, comparison, label, _best(runs), experiment.by_hand)
+    found = _verdict(experiment, measured, runs)
+    return Study(experiment, used, run, runs, measured, comparison, label, found, experiment.by_hand)
 
 
 def _run(
@@ -307,13 +333,22 @@ def _compare(
     return compare_networks(rows, reference, seeds=groups)
 
 
-def _best(runs: Mapping[str, BaselineResult]) -> str:
-    """The lowest score on validation, the earlier of a tie; oracles saw more and are no choice."""
-    able = [name for name, result in runs.items() if not result.oracle]
-    return min(able, key=lambda name: runs[name].score)
+def _verdict(
+    experiment: Experiment, measured: Sequence[Measured], runs: Mapping[str, BaselineResult]
+) -> Verdict:
+    """Of all networks but oracles, which saw the tests; validation under the metric that guided."""
+    able = {name: result for name, result in runs.items() if not result.oracle}
+    guide = experiment.validation
+    guides = [replace(one, metric=guide.metric) for one in measured if one.benchmark == guide.name]
+    return verdict(
+        {name: result.recipe for name, result in able.items()},
+        guides,
+        [one for one in measured if not one.validation],
+        evaluations={name: result.evaluations for name, result in able.items()},
+    )
 
 
-def _verdict(found: Difference | None) -> str:
+def _word(found: Difference | None) -> str:
     if found is None:
         return "the reference"
     if found.word is Judgement.UNKNOWN:

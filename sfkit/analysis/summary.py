@@ -24,14 +24,14 @@ def summary(study: Study) -> tuple[str, ...]:
 
 
 def _deploy(study: Study) -> Iterator[str]:
-    result = study.result
-    guide = study.experiment.validation
-    honest = sum(not other.oracle for other in study.runs.values())
-    yield (
-        f"**Deploy {study.chosen}**: {_content(result)}. Of {honest} networks that saw nothing but "
-        f"{guide.name} ({len(guide)} pair{'s' * (len(guide) != 1)}) it scores best there, "
-        f"{score_text(study.metric, _guided(study))}."
-    )
+    first, *rest = study.verdict.reason
+    yield f"**{first}**"
+    if study.chosen != study.verdict.preferred or not first.startswith("Deploy"):
+        yield " ".join(rest[:1])
+        rest = rest[1:]
+    yield f"It is {_content(study.result)}."
+    if rest:
+        yield " ".join(rest)
 
 
 def _content(result: BaselineResult) -> str:
@@ -42,12 +42,6 @@ def _content(result: BaselineResult) -> str:
     ranked = sorted(zip(recipe.sources, shares, strict=True), key=lambda pair: -pair[1])
     parts = ", ".join(f"{name} {100 * share:.0f} %" for name, share in ranked if share >= 0.005)
     return f"one network of the base's size and speed, mixed from {parts}"
-
-
-def _guided(study: Study) -> float:
-    guide = study.experiment.validation.name
-    (found,) = (one for one in study.measured if one.benchmark == guide)
-    return found.score(study.chosen, metric=study.metric)
 
 
 def _how_sure(study: Study) -> Iterator[str]:

@@ -60,7 +60,7 @@ def test_the_main_table_holds_the_recorded_means(folder: Path) -> None:
     for network, score in SCORES.items():
         assert main.loc[network, "mean of unseen [%]"] == pytest.approx(score, abs=0.01), network
     assert list(main.index)[-2:] == ["Stage 1", "Stage 1+2"]
-    assert main.loc["base", "verdict"] == "worse, few images"
+    assert main.loc["base", "verdict"] == "no interval: indoor-rooms has 2 images, an interval needs 5"
 
 
 def test_every_table_is_a_csv_and_a_latex_file(folder: Path) -> None:
@@ -98,7 +98,8 @@ def test_task_vectors_have_the_cosines_of_the_bank(folder: Path) -> None:
 def test_the_page_says_first_what_to_deploy(executed: NotebookNode) -> None:
     spoken = next(cell for cell in executed.cells if cell.id == "summary").outputs
     (said,) = [output.data["text/markdown"] for output in spoken if "data" in output]
-    assert said.startswith("- **Deploy single best (validation)**: one network of the base's size and speed")
+    assert said.startswith("- **Deploy single best (validation): bad-3.0 ")
+    assert "It is one network of the base's size and speed" in said
     assert "mixed from haze 100 %" in said
     assert [o for o in spoken if o.output_type == "stream"] == [], "progress is for the terminal"
 
