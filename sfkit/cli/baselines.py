@@ -14,6 +14,7 @@ from sfkit.cli.options import (
     CodingOption,
     DeviceOption,
     EngineOption,
+    EveryOption,
     ForceOption,
     JsonOption,
     MetricOption,
@@ -67,6 +68,7 @@ def baselines(
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
     coding: CodingOption = None,
+    every: EveryOption = None,
     store: StoreOption = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the table as CSV.")] = None,
     force: ForceOption = False,
@@ -91,7 +93,7 @@ def baselines(
     RoutingSettings(evaluations=evaluations, seed=seed)
     named = None if methods is None else _methods(methods)
     compute = Compute(device_of(device), engine, workers)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
     guides = guides_of(chosen, also, combine)
     if out is not None:
         check_file("--out", out, ".csv", force=force)

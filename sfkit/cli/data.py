@@ -8,6 +8,7 @@ import typer
 
 from sfkit.cli.options import (
     CodingOption,
+    EveryOption,
     JsonOption,
     PairsOption,
     ResolutionOption,
@@ -22,11 +23,14 @@ app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_m
 
 @app.command("check")
 def check(
-    name: Annotated[str, typer.Argument(help="eth3d, kitti2012, kitti2015, middlebury, or pairs.")],
+    name: Annotated[
+        str, typer.Argument(help="eth3d, kitti2012, kitti2015, middlebury, pairs, or unlabelled.")
+    ],
     root: RootOption = None,
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
     coding: CodingOption = None,
+    every: EveryOption = None,
     json: JsonOption = False,
 ) -> None:
     """Say what was found, what is missing, and whether images, sizes and ground truth make sense.
@@ -37,7 +41,7 @@ def check(
     """
     if root is None:
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
-    report = check_data(name, root, resolution=resolution, coding=coding, table=csv)
+    report = check_data(name, root, resolution=resolution, coding=coding, table=csv, every=every)
     emit(report.to_dict(), report.to_text(), as_json=json)
     if report.problems:
         raise typer.Exit(1)

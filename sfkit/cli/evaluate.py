@@ -15,6 +15,7 @@ from sfkit.cli.options import (
     CodingOption,
     DeviceOption,
     EngineOption,
+    EveryOption,
     ForceOption,
     JsonOption,
     MetricOption,
@@ -62,6 +63,7 @@ def evaluate(
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
     coding: CodingOption = None,
+    every: EveryOption = None,
     store: StoreOption = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the scores as CSV.")] = None,
     force: ForceOption = False,
@@ -81,7 +83,7 @@ def evaluate(
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
     compute = Compute(device_of(device), engine, workers)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
     if out is not None:
         check_file("--out", out, ".csv", force=force)
     if store is not None:

@@ -27,14 +27,17 @@ PoolArgument = Annotated[
 ]
 BenchmarkOption = Annotated[
     str,
-    typer.Option("--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, pairs, bank:NAME."),
+    typer.Option(
+        "--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, pairs, unlabelled, bank:NAME."
+    ),
 ]
 RootOption = Annotated[Path | None, typer.Option("--root", "-r", help="The benchmark's folder.")]
 ProtocolOption = Annotated[
     str | None, typer.Option("--protocol", help="openstereo, raft, igev, nmrf or all-valid.")
 ]
 MetricOption = Annotated[
-    str | None, typer.Option("--metric", help="bad-1.0 (any threshold in pixels), d1 or epe.")
+    str | None,
+    typer.Option("--metric", help="bad-1.0 (any threshold in pixels), d1, epe, or census (no labels)."),
 ]
 ResolutionOption = Annotated[str | None, typer.Option("--resolution", help="Middlebury: F, H or Q.")]
 PairsOption = Annotated[
@@ -44,6 +47,10 @@ PairsOption = Annotated[
 CodingOption = Annotated[
     str | None,
     typer.Option("--coding", help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4."),
+]
+EveryOption = Annotated[
+    int | None,
+    typer.Option("--every", help="For unlabelled video: keep every so many pairs of each folder."),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 StoreOption = Annotated[
@@ -82,6 +89,7 @@ def benchmark_of(
     resolution: str | None,
     csv: Path | None,
     coding: str | None,
+    every: int | None = None,
 ) -> Benchmark:
     """The benchmark the options describe, its files found and not yet read.
 
@@ -92,7 +100,14 @@ def benchmark_of(
     if root is None and has_files(name):
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
     benchmark = open_benchmark(
-        name, root, protocol=protocol, metric=metric, resolution=resolution, table=csv, coding=coding
+        name,
+        root,
+        protocol=protocol,
+        metric=metric,
+        resolution=resolution,
+        table=csv,
+        coding=coding,
+        every=every,
     )
     benchmark.ensure_scorable()
     return benchmark

@@ -16,6 +16,7 @@ from sfkit.cli.options import (
     CodingOption,
     DeviceOption,
     EngineOption,
+    EveryOption,
     JsonOption,
     MetricOption,
     PairsOption,
@@ -66,6 +67,7 @@ def search(
     resolution: ResolutionOption = None,
     csv: PairsOption = None,
     coding: CodingOption = None,
+    every: EveryOption = None,
     seed: SeedOption = 0,
     population: PopulationOption = 50,
     generations: GenerationsOption = 15,
@@ -138,7 +140,7 @@ def search(
         start=read_recipe(start) if start is not None else None,
     )
     compute = Compute(device_of(device), engine, workers)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
     guides = guides_of(chosen, also, combine)
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)

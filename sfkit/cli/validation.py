@@ -80,7 +80,7 @@ def _also(text: str, metric: str) -> Benchmark:
         key, equals, value = (piece.strip() for piece in entry.partition("="))
         if not equals:
             raise InputError(f"--also: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
-        values[key] = int(value) if key == "pairs" and value.isdecimal() else value
+        values[key] = int(value) if key in ("pairs", "every") and value.isdecimal() else value
     (benchmark,) = open_benchmarks([values])
     benchmark.ensure_scorable()
     return benchmark

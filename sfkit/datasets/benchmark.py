@@ -10,13 +10,16 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.datasets.benchmark_record import Benchmark
+from sfkit.datasets.census import CENSUS
 from sfkit.datasets.finding import Found, find_pairs, nothing_found
 from sfkit.datasets.folders import find_in_folders, nothing_recognised
 from sfkit.datasets.manifests import load_manifest
+from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
 from sfkit.datasets.roots import open_root
 from sfkit.datasets.tables import absent_files, find_in_table
+from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError, unknown_name
 
 __all__ = [
@@ -66,26 +69,34 @@ def open_benchmark(
     pairs: int | Iterable[str] | None = None,
     coding: str | None = None,
     table: Path | str | None = None,
+    every: int | None = None,
 ) -> Benchmark:
     """Find the pairs of a data set under a folder, or those that come with sfkit; no image is read.
 
     Args:
         name: a manifest's name (``eth3d``, ``kitti2012``, ``kitti2015``, ``middlebury``), ``pairs``
-            for a folder of one's own (see :mod:`sfkit.datasets.folders`) or a CSV file, or ``bank:NAME``
-            of the embedded bank.
-        root: the folder; for ``pairs`` also a CSV file, whose paths are then relative to its folder; none
-            for the bank's, which are rendered.
+            for a folder of one's own (see :mod:`sfkit.datasets.folders`) or a CSV file, ``unlabelled`` for
+            pairs without ground truth (see :mod:`sfkit.datasets.unlabelled`), or ``bank:NAME`` of the
+            embedded bank.
+        root: the folder; for ``pairs`` and ``unlabelled`` also a CSV file, whose paths are then relative
+            to its folder; none for the bank's, which are rendered.
         protocol: ``openstereo`` unless given; ``all-valid`` for ``pairs``.
-        metric: the protocol's or the data set's own unless given; ``epe`` for ``pairs``.
+        metric: the protocol's or the data set's own unless given; ``epe`` for ``pairs``, ``census`` for
+            ``unlabelled``, which takes no metric that needs ground truth.
         resolution: ``F``, ``H`` or ``Q`` of Middlebury; one that the protocol allows unless given.
         pairs: the first so many pairs, or the ids to keep.
         coding: how the ground truth of ``pairs`` is coded, where its suffix does not settle it.
         table: a CSV file that lies elsewhere than ``root``.
+        every: of ``unlabelled`` video, every so many pairs of each folder.
 
     Raises:
         InputError: an unknown name, no complete pair, ambiguous or misplaced files, or settings that do
             not fit each other; the message says what to do.
     """
+    if every is not None and name != UNLABELLED:
+        raise InputError(
+            f"{name}: found every={every}, which thins unlabelled video; use pairs=N, or leave it"
+        )
     if not has_files(name):
         rendered = _rendered(name)
         if root is not None or resolution is not None or coding is not None or table is not None:
@@ -95,6 +106,12 @@ def open_benchmark(
         whole = rendered().measured_by(protocol=protocol, metric=metric)
     elif root is None:
         raise InputError(f"benchmark {name!r}: root is missing, expected the folder of its files")
+    elif name == UNLABELLED:
+        if resolution is not None or coding is not None:
+            raise InputError(
+                "unlabelled: found resolution or coding, there is no ground truth; leave them out"
+            )
+        whole = _open_unlabelled(root, protocol, metric, table, 1 if every is None else every)
     elif name == PAIRS:
         if resolution is not None:
             raise InputError(f"pairs: found resolution={resolution!r}, a folder has none; leave it out")
@@ -183,6 +200,27 @@ def _open_pairs(
         pairs=found.pairs,
         protocol=protocol,
         metric=metric,
+        root=folder,
+        notes=found.notes,
+    )
+
+
+def _open_unlabelled(
+    root: Path | str, protocol: str | None, metric: str | None, table: Path | str | None, every: int
+) -> Benchmark:
+    wanted = Metric.parse(metric or CENSUS)
+    if wanted.needs_truth:
+        raise InputError(
+            f"unlabelled: found the metric {wanted}, which compares with ground truth, and these pairs have "
+            "none; use census, or a labelled benchmark"
+        )
+    folder, found = find_unlabelled(root, table, every)
+    return Benchmark(
+        name=folder.name,
+        family=PAIRS,
+        pairs=found.pairs,
+        protocol=protocol or PAIRS_PROTOCOL,
+        metric=wanted.name,
         root=folder,
         notes=found.notes,
     )

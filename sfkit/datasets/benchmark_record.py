@@ -131,7 +131,8 @@ class Benchmark:
         for pair in self.pairs:
             if isinstance(pair, StereoPair) and pair.disparity is None:
                 raise InputError(
-                    f"{pair.id}: found no ground truth for {pair.left}, expected a disparity file"
+                    f"{pair.id}: found no ground truth for {pair.left}, expected a disparity file for "
+                    f"{self.metric}, or the metric census, which needs none"
                 )
             masked = pair.mask if isinstance(pair, StereoPair) else True
             if isinstance(pair, MemoryPair):

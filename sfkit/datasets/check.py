@@ -17,6 +17,7 @@ from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair
 from sfkit.datasets.protocols import protocols_without_mask, rules_for
 from sfkit.datasets.roots import open_root
+from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError
 
 SHOWN = 8  # names in a line of text before it says how many more there are
@@ -80,6 +81,7 @@ def check_data(
     resolution: str | None = None,
     coding: str | None = None,
     table: Path | str | None = None,
+    every: int | None = None,
 ) -> DataReport:
     """Look for a data set under a folder, load every pair and report; arguments as in ``open_benchmark``.
 
@@ -88,6 +90,9 @@ def check_data(
     Raises:
         InputError: an unknown name or resolution, no such folder, or hints and tables that cannot be read.
     """
+    if name == UNLABELLED:
+        folder, found = find_unlabelled(root, table, 1 if every is None else every)
+        return _report(folder.name, PAIRS, folder, found, None, "")
     if name == PAIRS:
         folder, found, absent = find_own_pairs(root, coding, table)
         nothing = absent if found.pairs or absent else nothing_recognised(folder, found)
@@ -149,7 +154,9 @@ def _check_pairs(pairs: Iterable[Pair]) -> tuple[tuple[str, ...], tuple[str, ...
         except InputError as error:
             problems.append(f"{pair.id}: {error}")
             continue
-        problems += [f"{pair.id}: {text}" for text in check_sample.problems(sample)]
+        problems += [
+            f"{pair.id}: {text}" for text in check_sample.problems(sample, labelled=is_labelled(pair))
+        ]
         warnings += [f"{pair.id}: {text}" for text in check_sample.warnings(sample)]
         digest = hashlib.sha256(sample.left.tobytes()).digest()
         other = first_with.setdefault(digest, pair.id)
@@ -158,9 +165,16 @@ def _check_pairs(pairs: Iterable[Pair]) -> tuple[tuple[str, ...], tuple[str, ...
     return tuple(problems), tuple(warnings)
 
 
+def is_labelled(pair: Pair) -> bool:
+    """False for a pair on disk that names no ground truth."""
+    return not (isinstance(pair, StereoPair) and pair.disparity is None)
+
+
 def _mask_note(family: str, pairs: Iterable[Pair]) -> list[str]:
     """Says which protocols are out of reach for want of occlusion masks."""
-    bare = [pair.id for pair in pairs if isinstance(pair, StereoPair) and pair.mask is None]
+    bare = [
+        pair.id for pair in pairs if isinstance(pair, StereoPair) and pair.disparity and pair.mask is None
+    ]
     bare += [p.id for p in pairs if isinstance(p, MemoryPair) and p.sample.nonoccluded is None]
     closed = sorted(set(rules_for(family)) - set(protocols_without_mask(family)))
     if not bare or not closed:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from sfkit.datasets.order import compare_orders
 from sfkit.datasets.pairs import Sample
 from sfkit.datasets.photometric import PIXELS, check_ground_truth
 
 OUTSIDE_SHARE = 0.3  # of the ground truth; correct pairs lie below 0.15
 
 
-def problems(sample: Sample) -> tuple[str, ...]:
-    """What makes a pair useless, one sentence each; none for a sound pair."""
+def problems(sample: Sample, *, labelled: bool = True) -> tuple[str, ...]:
+    """What makes a pair useless, one sentence each; ``labelled`` says whether it should have ground truth."""
     known = np.isfinite(sample.disparity)
     found = []
-    if not known.any():
+    if labelled and not known.any():
         found.append("no ground truth is finite and positive; check the file and its coding")
     if np.array_equal(sample.left, sample.right):
         found.append("left and right are the same image; give the two views of the pair")
@@ -33,11 +34,14 @@ def problems(sample: Sample) -> tuple[str, ...]:
 
 def warnings(sample: Sample, pixels: int = PIXELS) -> tuple[str, ...]:
     """What looks wrong but need not be, one sentence each; ``pixels`` at most are compared in the images."""
-    found = []
+    found: list[str] = []
     known = np.isfinite(sample.disparity)
     if known.any() and not np.array_equal(sample.left, sample.right):
         seen = check_ground_truth(sample.left, sample.right, sample.disparity, pixels=pixels)
         found += [seen.doubt] if seen.doubt else []
+    if not known.any() and not np.array_equal(sample.left, sample.right):
+        seen_order = compare_orders(sample.left, sample.right).doubt
+        found += [seen_order] if seen_order else []
     columns = np.broadcast_to(np.arange(sample.size[1]), sample.size)
     if known.any() and (outside := float((sample.disparity > columns)[known].mean())) > OUTSIDE_SHARE:
         found.append(

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sfkit.architectures import InputConvention, PreparedPair
 from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.check import is_labelled
 from sfkit.datasets.metric import Count, Mask, Metric
 from sfkit.datasets.pairs import Pair, Sample, StereoPair
 from sfkit.errors import InputError
@@ -117,17 +118,24 @@ class PreparedBenchmark:
 
     def _checked(self, pair: Pair) -> tuple[Sample, Mask]:
         sample = pair.load()
-        if not (self.quantities.needs_truth or np.isfinite(sample.disparity).any()):
-            return sample, np.zeros(sample.size, dtype=np.bool_)
+        if not is_labelled(pair):
+            if self.quantities.needs_truth:
+                raise InputError(
+                    f"{pair.id}: has no ground truth, found a metric that compares with it, expected census "
+                    "alone; or give a labelled benchmark"
+                )
+            for problem in check_sample.problems(sample, labelled=False):
+                raise InputError(f"{pair.id}: {problem}")
         try:
             return sample, self.benchmark.rule.valid_mask(sample)
         except InputError as error:
+            if not self.quantities.needs_truth:  # ground truth, mask and range play no part
+                return sample, np.zeros(sample.size, dtype=np.bool_)
             truth = pair.disparity if isinstance(pair, StereoPair) else None
             raise InputError(f"{truth}: {error}" if truth else str(error)) from error
 
 
 def _doubts(sample: Sample) -> tuple[str, ...]:
     """What :mod:`~sfkit.datasets.check_sample` finds in a pair with ground truth."""
-    if not np.isfinite(sample.disparity).any():
-        return ()
-    return (*check_sample.problems(sample), *check_sample.warnings(sample, LOOK_PIXELS))
+    labelled = bool(np.isfinite(sample.disparity).any())
+    return (*check_sample.problems(sample, labelled=labelled), *check_sample.warnings(sample, LOOK_PIXELS))

@@ -1,0 +1,80 @@
+"""Both stages on the real AnyNet pool, guided by unlabelled pairs and by labelled ones at equal budget.
+
+    python benchmarks/census_guides.py --json
+
+Needs SFKIT_REAL_DATA. The unlabelled guide is all five pairs by ``census``; the labelled ones are one pair,
+and three, by bad-1.0. True errors are over all pixels with ground truth. Everything scored is kept in a store:
+started again it goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import evidence_real
+import torch
+
+import sfkit
+from sfkit.merging import Recipe
+
+GUIDES: dict[str, tuple[str, tuple[str, ...]]] = {
+    "five unlabelled": ("census", evidence_real.PAIRS),
+    "one labelled": ("bad-1.0", ("eth3d",)),
+    "three labelled": ("bad-1.0", ("eth3d", "cones", "motorcycle")),
+}
+TRUE = "bad-1.0"
+
+
+def measure(seeds: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
+    """One row a network: what guided it, the seed, its subset, and its true error on each pair in percent."""
+    torch.set_num_threads(1)
+    pool, benchmarks = evidence_real.opened(), evidence_real.benchmarks()
+    store.parent.mkdir(parents=True, exist_ok=True)
+    rows = []
+    with sfkit.EvaluationStore(store) as kept:
+        judges = {name: sfkit.Evaluator(pool, b, store=kept, metric=TRUE) for name, b in benchmarks.items()}
+
+        def row(guide: str, stage: str, seed: int, recipe: Recipe) -> dict[str, Any]:
+            scores = {name: judge([recipe])[0].score for name, judge in judges.items()}
+            return {"guide": guide, "stage": stage, "seed": seed, "sources": list(recipe.sources), **scores}
+
+        rows.append(row("", "base", 0, pool.base_recipe()))
+        rows.append(row("", "uniform", 0, pool.uniform()))
+        rows += [row("", name, 0, pool.equal(name)) for name in pool.names]
+        for seed in range(seeds):
+            for guide, (metric, names) in GUIDES.items():
+                scorers = [sfkit.Evaluator(pool, benchmarks[n], store=kept, metric=metric) for n in names]
+                scorer = scorers[0] if len(scorers) == 1 else sfkit.CombinedScorer(scorers)
+                stage1 = sfkit.SubsetSettings(population=8, generations=3, seed=seed)
+                subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
+                rows.append(row(guide, "Stage 1", seed, pool.equal(*subset)))
+                stage2 = sfkit.RoutingSettings(evaluations=evaluations, converge=False, seed=seed)
+                found = sfkit.RoutingSearch(subset, pool.blocks, scorer, stage2).run()
+                rows.append(row(guide, "Stage 1+2", seed, found.recipe))
+    return rows
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure and print a table, or JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--evaluations", type=int, default=150, help="of Stage 2")
+    parser.add_argument("--store", type=Path, default=Path("runs/census_guides.sqlite"))
+    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
+    options = vars(parser.parse_args(arguments))
+    as_json = options.pop("json")
+    rows = measure(**options)
+    if as_json:
+        print(json.dumps(rows, indent=2))
+        return
+    for row in rows:
+        errors = "  ".join(f"{name} {row[name]:6.2f}" for name in evidence_real.PAIRS)
+        print(f"{row['guide']:16} {row['stage']:10} {row['seed']}  {errors}  {'+'.join(row['sources'])}")
+
+
+if __name__ == "__main__":
+    main()
