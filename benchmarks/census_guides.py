@@ -3,8 +3,8 @@
     python benchmarks/census_guides.py --json
 
 Needs SFKIT_REAL_DATA. The unlabelled guide is all five pairs by ``census``; the labelled ones are one pair,
-and three, by bad-1.0. True errors are over all pixels with ground truth. Everything scored is kept in a store:
-started again it goes on where it was.
+and three, by bad-1.0. True errors are over all pixels with ground truth. Everything scored is kept in a
+store: started again it goes on where it was.
 """
 
 from __future__ import annotations
