@@ -4,22 +4,21 @@ Every function takes ``theme="light"``, ``"dark"`` or ``"auto"``: transparent ba
 that read on a light page, a dark one, or both.
 """
 
-from sfkit.figures.ablations import population_sizes_figure
-from sfkit.figures.benchmark_comparisons import benchmark_comparison_figure
-from sfkit.figures.comparisons import comparison_figure
+from sfkit.figures.comparisons import benchmark_comparison_figure, comparison_figure
 from sfkit.figures.costs import cost_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
-from sfkit.figures.evolutions import evolution_figure
-from sfkit.figures.geometries import geometry_figure
-from sfkit.figures.interpolations import interpolation_figure
-from sfkit.figures.learning import learning_figure
-from sfkit.figures.populations import population_figure
-from sfkit.figures.probes import probes_figure, selection_figure
+from sfkit.figures.evolution import evolution_figure, population_figure
+from sfkit.figures.geometry import geometry_figure
+from sfkit.figures.growth import population_sizes_figure
+from sfkit.figures.interpolation import interpolation_figure
+from sfkit.figures.overfit import learning_figure
+from sfkit.figures.probes import probes_figure
 from sfkit.figures.routings import routing_figure, scales_figure
 from sfkit.figures.scores import scores_figure
-from sfkit.figures.similarities import similarity_figure
+from sfkit.figures.selection import selection_figure
+from sfkit.figures.similarity import similarity_figure
 from sfkit.figures.theme import Theme, template
 
 __all__ = [

@@ -1,14 +1,17 @@
-"""Which differences are more than noise? Methods against one reference, each with its interval."""
+"""Which differences are more than noise, and where? Networks against one reference, with intervals."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from html import escape
 
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
-from sfkit.analysis.comparisons import NetworkComparison
+from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
 from sfkit.analysis.judgement import Judgement
-from sfkit.analysis.labels import points
+from sfkit.analysis.labels import marked, points
 from sfkit.analysis.paired import Difference
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
@@ -87,3 +90,131 @@ def _answer(found: list[Difference]) -> str:
     level = f"{100 * found[0].level:.0f} %" if found else "95 %"
     said = ", ".join(f"{number} {name}" for name, number in counts.items() if number) or "none can be told"
     return f"{said}; further left is better; whiskers: {level} intervals over images"
+
+
+PANEL_ROW = 22
+"""Height of one network's line in pixels."""
+
+PANELS_A_ROW = 3
+
+
+def benchmark_comparison_figure(
+    comparison: NetworkComparison, *, theme: str = "auto", height: int | None = None
+) -> go.Figure:
+    """Draw each network's difference to the reference with its interval, a panel a benchmark.
+
+    The first panel is the mean over the benchmarks that guided no search, where there are several.
+
+    Args:
+        comparison: from :func:`~sfkit.analysis.comparisons.compare_networks`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        height: of the figure in pixels; by the number of networks and benchmarks unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    rows = [row for row in comparison.rows if row.network != comparison.reference]
+    panels = _panels(comparison, rows)
+    across = min(PANELS_A_ROW, len(panels))
+    down = -(-len(panels) // across)
+    each = PANEL_ROW * max(len(rows), 2) + 60
+    figure = make_subplots(
+        rows=down,
+        cols=across,
+        shared_yaxes=True,
+        horizontal_spacing=0.03,
+        vertical_spacing=min(0.28, 60 / (each * down)) if down > 1 else 0.0,
+        subplot_titles=[title for title, _ in panels],
+    )
+    muted = LOOKS[read_theme(theme)].muted
+    for number, (_, differences) in enumerate(panels):
+        row, col = divmod(number, across)
+        _panel(figure, differences, muted, row + 1, col + 1)
+    names = [row.network for row in rows]
+    figure.update_yaxes(type="category", categoryorder="array", categoryarray=names, autorange="reversed")
+    figure.update_yaxes(title_text="network", col=1)
+    unit = points(comparison.unit, full=True)
+    for number in range(max(0, len(panels) - across), len(panels)):  # the lowest panel of each column
+        row, col = divmod(number, across)
+        figure.update_xaxes(title_text=f"difference ({unit})", row=row + 1, col=col + 1)
+    figure.update_annotations(font_size=12)
+    return finish(
+        figure,
+        theme=theme,
+        title=f"Where is which network better than {escape(comparison.reference)}, beyond noise?",
+        subtitle=_answer_by_benchmark(rows, comparison),
+        height=height or each * down + 110,
+        showlegend=False,
+        margin={"b": 50},
+    )
+
+
+def _panels(
+    comparison: NetworkComparison, rows: Sequence[ComparedNetwork]
+) -> list[tuple[str, list[Difference]]]:
+    panels = []
+    if sum(not column.validation for column in comparison.columns) > 1:
+        panels.append(("mean of the unseen", [r.unseen_difference for r in rows if r.unseen_difference]))
+    for number, column in enumerate(comparison.columns):
+        title = f"{marked(escape(column.benchmark), column.validation)}, {column.metric}"
+        panels.append((title, [row.differences[number] for row in rows]))
+    return panels
+
+
+def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row: int, col: int) -> None:
+    drawn = [d for d in differences if math.isfinite(d.value)]
+    ends = [d.interval or (d.value, d.value) for d in drawn]
+    colours = [_colour(d, muted) for d in drawn]
+    for difference, (low, high), colour in zip(drawn, ends, colours, strict=True):
+        figure.add_trace(
+            go.Scatter(
+                x=[low, high],
+                y=[difference.network] * 2,
+                mode="lines",
+                line={"color": colour, "width": 3},
+                hoverinfo="skip",
+                name="interval",
+            ),
+            row=row,
+            col=col,
+        )
+    figure.add_trace(
+        go.Scatter(
+            x=[d.value for d in drawn],
+            y=[d.network for d in drawn],
+            mode="markers",
+            marker={
+                "size": 9,
+                "symbol": [_symbol(d) for d in drawn],
+                "color": colours,
+                "line": {"width": 2, "color": colours},
+            },
+            text=[escape(str(d)) for d in drawn],
+            hovertemplate="%{y}: %{text}<extra></extra>",
+            name="difference",
+        ),
+        row=row,
+        col=col,
+    )
+    reach = [end for pair in ends for end in pair]
+    low, high = min([0.0, *reach]), max([0.0, *reach])
+    margin = 0.06 * (high - low) or 1.0
+    figure.update_xaxes(range=[low - margin, high + margin], row=row, col=col)
+    figure.add_vline(x=0.0, line={"color": muted, "width": 1}, layer="below", row=row, col=col)
+
+
+def _colour(difference: Difference, muted: str) -> str:
+    return {Judgement.BETTER: ACCENT, Judgement.WORSE: WARM}.get(difference.word, muted)
+
+
+def _symbol(difference: Difference) -> str:
+    return {Judgement.UNKNOWN: "x-thin", Judgement.WITHIN_NOISE: "circle-open"}.get(difference.word, "circle")
+
+
+def _answer_by_benchmark(rows: Sequence[ComparedNetwork], comparison: NetworkComparison) -> str:
+    better = sum(row.difference is not None and row.difference.word is Judgement.BETTER for row in rows)
+    guided = "; * guided a search" if any(column.validation for column in comparison.columns) else ""
+    return (
+        f"left is better; {better} of {len(rows)} are, by 95 % intervals over images; open: within noise, "
+        f"×: no interval{guided}"
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import math
 from collections.abc import Iterator
@@ -33,6 +34,12 @@ def coordinates(figure: go.Figure) -> Iterator[float]:
             for value in [] if values is None else values:
                 if isinstance(value, int | float | np.number):
                     yield float(value)
+
+
+def test_a_figure_and_its_numbers_share_a_name() -> None:
+    homes = {getattr(figures, name).__module__ for name in figures.__all__ if name.endswith("_figure")}
+    subjects = {home.rpartition(".")[2] for home in homes} - {"distributions"}  # another view of routings
+    assert {name for name in subjects if importlib.util.find_spec(f"sfkit.analysis.{name}") is None} == set()
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -1,19 +1,19 @@
-"""Stage 1: which sources does the population settle on?
+"""Stage 1: which sources does the population settle on, and how alike do its subsets become?
 
-Two rows share their columns. Columns: the sources on the left, the score on the right. Rows: the
-generations above, time running down, and below them the individuals of one generation, best first. So a
+In the population figure two rows share their columns: the sources on the left, the score on the right. Above
+stand the generations, time running down, and below them the individuals of one generation, best first. So a
 source is followed down one column, from how often it was chosen over time to who has it now.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.evolution import Individual, PopulationHistory
+from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory
 from sfkit.analysis.labels import metric_label, score_text
 from sfkit.analysis.thinning import drawn_points
 from sfkit.figures.axes import FAILED_NAME, beyond, whole_ticks
@@ -189,3 +189,115 @@ def _answer(history: PopulationHistory, shown: int) -> str:
 def _described(one: Individual, metric: str | None) -> str:
     score = "failed" if one.failed else score_text(metric, one.score)
     return f"{{{', '.join(one.subset)}}} with {score}"
+
+
+GENERATION = "generation (number)"
+
+
+def evolution_figure(
+    evolution: Evolution, *, theme: str = "auto", archive: int = 8, height: int | None = None
+) -> go.Figure:
+    """Draw sizes and diversity over time, and the best unique subsets of all generations.
+
+    Args:
+        evolution: from :func:`~sfkit.analysis.evolution.evolution`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        archive: how many of the best subsets to list.
+        height: of the figure in pixels; by the number of subsets unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    figure = make_subplots(
+        rows=2,
+        cols=2,
+        column_widths=[0.45, 0.55],
+        row_heights=[0.55, 0.45],
+        horizontal_spacing=0.18,
+        vertical_spacing=0.08,
+        specs=[[{}, {"rowspan": 2}], [{}, None]],
+    )
+    muted = LOOKS[read_theme(theme)].muted
+    low, mean, high = zip(*evolution.sizes, strict=True)
+    for name, values, line in (
+        ("largest subset", high, {"color": muted, "dash": "dot"}),
+        ("mean size", mean, {"color": ACCENT, "width": 2}),
+        ("smallest subset", low, {"color": muted, "dash": "dash"}),
+    ):
+        _over_time(figure, 1, name, values, line)
+    _over_time(figure, 2, "diversity", evolution.diversity, {"color": ACCENT, "width": 2})
+    best = evolution.archive[:archive]
+    _archive(figure, evolution, best, LOOKS[read_theme(theme)].faint)
+    generations = whole_ticks(0, evolution.history.generations - 1)
+    figure.update_xaxes(tickvals=generations, col=1)
+    figure.update_xaxes(matches="x3", showticklabels=False, row=1, col=1)
+    figure.update_xaxes(title_text=GENERATION, row=2, col=1)
+    figure.update_yaxes(title_text="size (sources)", rangemode="tozero", tickformat="d", row=1, col=1)
+    figure.update_yaxes(title_text="diversity (fraction)", range=[-0.03, 1.03], row=2, col=1)
+    figure.update_xaxes(title_text="source", type="category", showgrid=False, col=2)
+    figure.update_yaxes(
+        title_text="best subsets (rank and score)",
+        range=[max(len(best), 1) + 0.5, 0.5],
+        showgrid=False,
+        col=2,
+    )
+    return finish(
+        figure,
+        theme=theme,
+        title="Does the population agree?",
+        subtitle=_settled(evolution),
+        height=height or max(560, 26 * len(best) + 260),
+    )
+
+
+def _over_time(
+    figure: go.Figure, row: int, name: str, values: tuple[float, ...], line: Mapping[str, object]
+) -> None:
+    drawn = drawn_points(len(values)).tolist()
+    figure.add_trace(
+        go.Scatter(
+            x=drawn,
+            y=[values[n] for n in drawn],
+            mode="lines+markers" if len(drawn) == 1 else "lines",
+            line=line,
+            name=name,
+            showlegend=row == 1,  # diversity is alone in its panel, whose axis names it
+            hovertemplate="generation %{x}: %{y:.3g}<extra>" + name + "</extra>",
+        ),
+        row=row,
+        col=1,
+    )
+
+
+def _archive(figure: go.Figure, evolution: Evolution, best: tuple[int, ...], faint: str) -> None:
+    """Rows of membership marks, labelled with rank and score."""
+    sources, metric = evolution.history.sources, evolution.history.metric
+    people = [evolution.individuals[number] for number in best]
+    ranks = list(range(1, len(people) + 1))
+    figure.add_trace(
+        go.Heatmap(
+            x=list(sources),
+            y=ranks,
+            z=[[int(name in one.subset) for name in sources] for one in people],
+            zmin=0,
+            zmax=1,
+            colorscale=[[0, faint], [1, ACCENT]],
+            showscale=False,
+            xgap=2,
+            ygap=2,
+            name="archive",
+            text=[[", ".join(one.subset)] * len(sources) for one in people],
+            hovertemplate="%{text}<extra></extra>",
+        ),
+        row=1,
+        col=2,
+    )
+    words = [f"{rank}: {score_text(metric, one.score)}" for rank, one in zip(ranks, people, strict=True)]
+    figure.update_yaxes(tickvals=ranks, ticktext=words, row=1, col=2)
+
+
+def _settled(evolution: Evolution) -> str:
+    first, last = evolution.diversity[0], evolution.diversity[-1]
+    low, _, high = evolution.sizes[-1]
+    sizes = f"{low} sources" if low == high else f"{low} to {high} sources"
+    return f"two individuals differ by {first:.2f} at first and {last:.2f} at the end, in subsets of {sizes}"
