@@ -16,6 +16,8 @@ from sfkit.cli.options import (
     emit,
 )
 from sfkit.datasets.check import check_data
+from sfkit.datasets.check_source import check_training_set
+from sfkit.datasets.source_manifests import source_manifest_names
 from sfkit.errors import InputError
 
 app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
@@ -24,7 +26,11 @@ app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_m
 @app.command("check")
 def check(
     name: Annotated[
-        str, typer.Argument(help="eth3d, kitti2012, kitti2015, middlebury, pairs, or unlabelled.")
+        str,
+        typer.Argument(
+            help="A benchmark (eth3d, kitti2015, ...), a training set (sceneflow, vkitti2, ...), pairs, or "
+            "unlabelled."
+        ),
     ],
     root: RootOption = None,
     resolution: ResolutionOption = None,
@@ -38,10 +44,17 @@ def check(
     \b
     Example:
       sfkit data check eth3d --root ~/ETH3D
+      sfkit data check vkitti2 --root ~/VirtualKITTI2
     """
     if root is None:
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
-    report = check_data(name, root, resolution=resolution, coding=coding, table=csv, every=every)
+    if name in source_manifest_names():
+        given = next((o for o in (resolution, csv, coding, every) if o is not None), None)
+        if given is not None:
+            raise InputError(f"{name}: found {given!r}, its manifest says how it is read; leave it out")
+        report = check_training_set(name, root)
+    else:
+        report = check_data(name, root, resolution=resolution, coding=coding, table=csv, every=every)
     emit(report.to_dict(), report.to_text(), as_json=json)
     if report.problems:
         raise typer.Exit(1)

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
-from sfkit.datasets.pairs import Pair, StereoPair
+from sfkit.datasets.pairs import Pair
 from sfkit.errors import InputError
+
+
+@runtime_checkable
+class FilePair(Protocol):
+    """A pair on disk."""
+
+    coding: str
+
+    def files(self) -> Mapping[str, Path]:
+        """Its files by role."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -83,7 +94,7 @@ class TrainingSet:
 
 def _lines(pairs: Iterable[Pair]) -> Iterable[str]:
     for pair in pairs:
-        if isinstance(pair, StereoPair):
+        if isinstance(pair, FilePair):
             sizes = [f"{role}={path.stat().st_size}" for role, path in pair.files().items()]
             yield "\0".join([pair.id, pair.coding, *sizes, "\n"])
         else:
