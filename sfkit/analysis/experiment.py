@@ -27,7 +27,7 @@ from sfkit.search.breeding import SubsetSettings
 from sfkit.search.constraints import Constraints
 from sfkit.search.records import Counts, SubsetCandidate
 from sfkit.search.routing import RoutingCandidate, RoutingSearch
-from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.routing_records import RoutingSettings
 from sfkit.search.subset import SubsetSearch
 
 

@@ -15,8 +15,7 @@ from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingCandidate
-from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.routing_records import RoutingCandidate, RoutingSettings
 
 TRIAL = ("trial", "seed", "evaluations", "distance", "validation", "held", "equal")
 """Columns every table of trials starts with."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.table import Progress
+from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.recipe import Recipe
 
 
@@ -104,7 +104,7 @@ def interpolation_curves(
     *,
     positions: Sequence[float] = tuple(np.linspace(0.0, 1.0, 11).tolist()),
     validation: Sequence[str] = (),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[InterpolationCurve, ...]:
     """Score networks along straight lines, on every benchmark; ends that lines share are scored once.
 

@@ -18,7 +18,7 @@ from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.metrics import ImageErrors
 from sfkit.evaluation.store import EvaluationStore
-from sfkit.evaluation.table import Progress
+from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -124,7 +124,7 @@ def measure_recipes(
     validation: Sequence[str] = (),
     store: EvaluationStore | None = None,
     compute: Compute = HERE,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[Measured, ...]:
     """Measure named recipes on benchmarks; what the store holds is not computed again.
 
@@ -158,7 +158,7 @@ def measure_with(
     recipes: Mapping[str, Recipe],
     *,
     validation: Sequence[str] = (),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> tuple[Measured, ...]:
     """As :func:`measure_recipes`, with evaluators that are ready."""
     found = []

@@ -18,7 +18,7 @@ from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.table import Progress
+from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.recipe import Recipe
 
 MEAN = "mean of the subset"
@@ -99,7 +99,7 @@ def block_probes(
     subset: Iterable[str],
     *,
     validation: bool = False,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> BlockProbes:
     """Score all B x E probes and the subset's mean on one benchmark.
 

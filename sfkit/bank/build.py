@@ -12,10 +12,11 @@ from safetensors.torch import load_file, save_file
 
 from sfkit.bank.fingerprints import write_fingerprints
 from sfkit.bank.measure import constant_guess, errors, held_out_pairs
-from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, Plan, bank_plan
-from sfkit.bank.training import Progress, Trained, new_network, train
+from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, TrainingPlan, bank_plan
+from sfkit.bank.training import Trained, new_network, train
 from sfkit.datasets.synthetic.domains import BASE, SOURCES, Domain
 from sfkit.errors import unknown_name
+from sfkit.evaluation.table import ProgressCallback
 
 LICENCE = "Apache-2.0"
 Record = dict[str, Any]
@@ -25,10 +26,10 @@ def build(
     out: Path,
     name: str = BANK.name,
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     only: Iterable[str] | None = None,
-    base_plan: Plan | None = None,
-    source_plan: Plan | None = None,
+    base_plan: TrainingPlan | None = None,
+    source_plan: TrainingPlan | None = None,
     held_out: int = HELD_OUT_PAIRS,
 ) -> Path:
     """Train the bank called ``name`` into the folder ``out`` and return the path of its ``pool.toml``.
@@ -66,7 +67,9 @@ def _chosen(only: Iterable[str] | None) -> list[Domain]:
     return [by_name[name] for name in names]
 
 
-def _train_base(out: Path, of: BankPlan, plan: Plan, held_out: int, progress: Progress | None) -> None:
+def _train_base(
+    out: Path, of: BankPlan, plan: TrainingPlan, held_out: int, progress: ProgressCallback | None
+) -> None:
     trained = train(BASE, plan, None, _state_file(out, BASE.name), progress, of=of)
     save_file(dict(trained.weights), out / "base.safetensors")
     network = new_network(plan.seed, of)
@@ -77,7 +80,12 @@ def _train_base(out: Path, of: BankPlan, plan: Plan, held_out: int, progress: Pr
 
 
 def _train_source(
-    out: Path, of: BankPlan, domain: Domain, plan: Plan, held_out: int, progress: Progress | None
+    out: Path,
+    of: BankPlan,
+    domain: Domain,
+    plan: TrainingPlan,
+    held_out: int,
+    progress: ProgressCallback | None,
 ) -> None:
     base = load_file(out / "base.safetensors")
     trained = train(domain, plan, base, _state_file(out, domain.name), progress, of=of)
@@ -91,7 +99,7 @@ def _train_source(
     _record(out, domain.name, plan, trained, own)
 
 
-def _record(out: Path, name: str, plan: Plan, trained: Trained, own: Record) -> None:
+def _record(out: Path, name: str, plan: TrainingPlan, trained: Trained, own: Record) -> None:
     record = {
         "plan": asdict(plan),
         "seconds": round(trained.seconds, 1),

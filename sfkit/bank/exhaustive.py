@@ -34,7 +34,7 @@ HEADER = ("subset", "pairs_20", "pairs_8")
 # Pairs in one forward pass: on these small images twice as fast as one at a time, and the same bits.
 BATCH = 4
 
-Progress = Callable[[int, int], None]
+CountCallback = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def score_subsets(
     pool: Pool,
     masks: Sequence[int],
     store: EvaluationStore | None = None,
-    progress: Progress = lambda *_: None,
+    progress: CountCallback = lambda *_: None,
 ) -> SubsetScores:
     """Score the equal-weight merges of subsets on the first 20 pairs of the validation benchmark.
 

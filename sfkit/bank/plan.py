@@ -17,7 +17,7 @@ HELD_OUT_PAIRS = 24
 
 
 @dataclass(frozen=True)
-class Plan:
+class TrainingPlan:
     """One training: Adam, a linear warm-up to ``peak_rate``, then a cosine to zero.
 
     ``scenes`` are rendered once and visited in a new order each epoch, ``batch`` whole pairs a step;
@@ -50,12 +50,12 @@ class BankPlan:
     name: str
     architecture: str
     folder: str
-    base: Plan
-    source: Plan
-    longer: Mapping[str, Plan] = field(default_factory=dict)
+    base: TrainingPlan
+    source: TrainingPlan
+    longer: Mapping[str, TrainingPlan] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=lambda: dict(OPTIONS))
 
-    def plan_of(self, source: str) -> Plan:
+    def plan_of(self, source: str) -> TrainingPlan:
         """How the source called ``source`` is trained."""
         return self.longer.get(source, self.source)
 
@@ -64,21 +64,21 @@ BANK = BankPlan(
     name="bank",
     architecture="anynet",
     folder="data",
-    base=Plan(steps=2000, peak_rate=2e-3, scenes=300),
-    source=Plan(steps=400, peak_rate=1e-3, scenes=160),
+    base=TrainingPlan(steps=2000, peak_rate=2e-3, scenes=300),
+    source=TrainingPlan(steps=400, peak_rate=1e-3, scenes=160),
     # The common plan left these only 14 to 18 % better than the base on their own domain.
     longer={
-        "thin-things": Plan(steps=960, peak_rate=2e-3, scenes=200),
-        "slanted-walls": Plan(steps=640, peak_rate=2e-3, scenes=160),
-        "sensor-noise": Plan(steps=640, peak_rate=2e-3, scenes=160),
+        "thin-things": TrainingPlan(steps=960, peak_rate=2e-3, scenes=200),
+        "slanted-walls": TrainingPlan(steps=640, peak_rate=2e-3, scenes=160),
+        "sensor-noise": TrainingPlan(steps=640, peak_rate=2e-3, scenes=160),
     },
 )
 SLIM = BankPlan(
     name="bank-slim",
     architecture="anynet-slim",
     folder="data-slim",
-    base=Plan(steps=1400, peak_rate=2e-3, scenes=240),
-    source=Plan(steps=120, peak_rate=2e-3, scenes=72, warm_up=25),
+    base=TrainingPlan(steps=1400, peak_rate=2e-3, scenes=240),
+    source=TrainingPlan(steps=120, peak_rate=2e-3, scenes=72, warm_up=25),
 )
 BANKS = {plan.name: plan for plan in (BANK, SLIM)}
 

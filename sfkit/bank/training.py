@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 from torch import nn
 
 from sfkit.architectures import InputConvention, architecture
-from sfkit.bank.plan import BANK, STAGE_WEIGHTS, BankPlan, Plan
+from sfkit.bank.plan import BANK, STAGE_WEIGHTS, BankPlan, TrainingPlan
 from sfkit.datasets.synthetic import Domain, SyntheticPair, synthetic_pair
+from sfkit.evaluation.table import ProgressCallback
 from sfkit.files import writing
 
-Progress = Callable[[str, int, int], None]
-"""(what is being done, done so far, of how many)."""
 State = Mapping[str, torch.Tensor]
 
 
@@ -42,10 +41,10 @@ class Trained:
 
 def train(
     domain: Domain,
-    plan: Plan,
+    plan: TrainingPlan,
     start: State | None,
     state_file: Path,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
     *,
     of: BankPlan = BANK,
 ) -> Trained:
@@ -90,7 +89,9 @@ def new_network(seed: int, of: BankPlan = BANK) -> nn.Module:
         return architecture(of.architecture).build(**of.options)
 
 
-def training_pairs(domain: Domain, count: int, progress: Progress | None = None) -> list[SyntheticPair]:
+def training_pairs(
+    domain: Domain, count: int, progress: ProgressCallback | None = None
+) -> list[SyntheticPair]:
     """The first ``count`` training pairs of the domain."""
     pairs = []
     for index in range(count):
@@ -100,7 +101,7 @@ def training_pairs(domain: Domain, count: int, progress: Progress | None = None)
     return pairs
 
 
-def learning_rate(plan: Plan, step: int) -> float:
+def learning_rate(plan: TrainingPlan, step: int) -> float:
     """The rate of step ``step`` (from 0)."""
     if step < plan.warm_up:
         return plan.peak_rate * (step + 1) / plan.warm_up
@@ -108,7 +109,7 @@ def learning_rate(plan: Plan, step: int) -> float:
     return plan.peak_rate * 0.5 * (1.0 + math.cos(math.pi * done))
 
 
-def batch_of(plan: Plan, step: int) -> NDArray[np.intp]:
+def batch_of(plan: TrainingPlan, step: int) -> NDArray[np.intp]:
     """Which pairs step ``step`` sees: the next of its epoch's order, an incomplete batch left out."""
     epoch, within = divmod(step, plan.scenes // plan.batch)
     order = default_rng([plan.seed, epoch]).permutation(plan.scenes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,8 @@ from sfkit.baselines.registry import Baseline, BaselineResult, baseline_named, b
 from sfkit.baselines.trials import Validation
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.table import score_table
+from sfkit.evaluation.table import ProgressCallback, score_table
 from sfkit.merging.pool import Pool
-
-Progress = Callable[[str, int, int], None]
-"""Hears a method's label when it begins, how many are done, and of how many."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ def run_baselines(
     evaluations: int = 300,
     tests: Sequence[Evaluator] = (),
     settings: Mapping[str, Mapping[str, Any]] | None = None,
-    progress: Progress = lambda *_: None,
+    progress: ProgressCallback = lambda *_: None,
 ) -> BaselineRun:
     """Run baselines one after the other on one validation benchmark.
 

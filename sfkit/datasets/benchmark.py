@@ -11,13 +11,12 @@ from typing import Any
 
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.census import CENSUS
-from sfkit.datasets.finding import Found, find_pairs, nothing_found
 from sfkit.datasets.folders import find_in_folders, nothing_recognised
+from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
-from sfkit.datasets.roots import open_root
 from sfkit.datasets.tables import absent_files, find_in_table
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError, unknown_name
@@ -228,7 +227,7 @@ def _open_unlabelled(
 
 def find_own_pairs(
     root: Path | str, coding: str | None = None, table: Path | str | None = None
-) -> tuple[Path, Found, str]:
+) -> tuple[Path, PairListing, str]:
     """The root and the pairs of a folder, or of a CSV file (``table``, or ``root`` itself).
 
     The third value says which files of a table are absent; it is empty where none is.

@@ -11,12 +11,11 @@ from typing import Any
 from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import PAIRS, find_own_pairs
 from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.datasets.finding import Found, find_pairs, nothing_found
 from sfkit.datasets.folders import nothing_recognised
+from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair
 from sfkit.datasets.protocols import protocols_without_mask, rules_for
-from sfkit.datasets.roots import open_root
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError
 
@@ -123,7 +122,7 @@ def check_benchmark(benchmark: Benchmark) -> DataReport:
 
 
 def _report(
-    name: str, family: str, root: Path, found: Found, ids: tuple[str, ...] | None, nothing: str
+    name: str, family: str, root: Path, found: PairListing, ids: tuple[str, ...] | None, nothing: str
 ) -> DataReport:
     problems, warnings = _check_pairs(found.pairs)
     here = {pair.id for pair in found.pairs} | set(found.missing)

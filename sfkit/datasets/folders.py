@@ -18,11 +18,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from sfkit.datasets.finding import NEEDED, Found
 from sfkit.datasets.formats import Coding, coding_of_suffix
+from sfkit.datasets.listing import NEEDED, PairListing, inside
 from sfkit.datasets.manifests import read_toml
 from sfkit.datasets.pairs import StereoPair
-from sfkit.datasets.roots import inside
 from sfkit.errors import InputError, nearest
 
 HINTS = "pairs.toml"
@@ -39,7 +38,7 @@ CONVENTIONS = (
 )
 
 
-def find_in_folders(root: Path, coding: str | None = None) -> Found:
+def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
     """The pairs in the sub-folders of ``root``, or in ``root`` itself where it holds the images.
 
     ``coding`` is used for the ground truth whose suffix it fits, in the place of any hint.
@@ -63,10 +62,10 @@ def find_in_folders(root: Path, coding: str | None = None) -> Found:
         else:
             pairs.append(_pair(root, folder.name, roles, [coding, own.get("coding")]))
     note = (f"no pair was recognised in: {', '.join(strange)}",) if strange else ()
-    return Found(tuple(pairs), missing, note)
+    return PairListing(tuple(pairs), missing, note)
 
 
-def nothing_recognised(root: Path, found: Found) -> str:
+def nothing_recognised(root: Path, found: PairListing) -> str:
     """The sentence for a folder without one complete pair."""
     if found.missing:
         what = "no complete pair, without " + "; ".join(f for files in found.missing.values() for f in files)

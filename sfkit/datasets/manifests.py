@@ -21,7 +21,7 @@ ID, RESOLUTION = "{id}", "{resolution}"
 
 
 @dataclass(frozen=True)
-class Layout:
+class PairLayout:
     """Where the files of a pair lie under the root; ``{id}`` and ``{resolution}`` stand for names.
 
     Attributes:
@@ -80,7 +80,7 @@ class Manifest:
     citation: str
     metric: str
     ids: tuple[str, ...]
-    layouts: tuple[Layout, ...]
+    layouts: tuple[PairLayout, ...]
     places: tuple[str, ...] = ("",)
     resolutions: tuple[str, ...] = ()
 
@@ -168,7 +168,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not TOML ({error}), correct the file") from error
 
 
-def _layout(path: Path, entry: Any) -> Layout:
+def _layout(path: Path, entry: Any) -> PairLayout:
     if not isinstance(entry, dict):
         raise InputError(f"{path}: found the layout {entry!r}, expected a table [[layout]]")
     known: dict[str, Any] = {}
@@ -177,7 +177,7 @@ def _layout(path: Path, entry: Any) -> Layout:
         if coding not in list(MaskCoding):
             raise unknown_name(f"mask_coding in {path}", str(coding), [m.value for m in MaskCoding])
         known["mask_coding"] = MaskCoding(coding)
-    layout: Layout = _record(path, Layout, entry, known)
+    layout: PairLayout = _record(path, PairLayout, entry, known)
     Coding.parse(layout.coding)
     for role, pattern in layout.patterns().items():
         _relative(path, role, pattern)

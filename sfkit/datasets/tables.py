@@ -9,18 +9,17 @@ import csv
 from collections.abc import Mapping
 from pathlib import Path, PurePath
 
-from sfkit.datasets.finding import NEEDED, Found
 from sfkit.datasets.folders import coding_for
+from sfkit.datasets.listing import NEEDED, PairListing, inside
 from sfkit.datasets.pairs import StereoPair
 from sfkit.datasets.pfm import read_bytes
-from sfkit.datasets.roots import inside
 from sfkit.errors import InputError, nearest
 
 COLUMNS = (*NEEDED, "calibration", "coding", "id", "mask")
 FILES = (*NEEDED, "calibration", "mask")
 
 
-def find_in_table(table: Path, root: Path, coding: str | None = None) -> Found:
+def find_in_table(table: Path, root: Path, coding: str | None = None) -> PairListing:
     """The pairs of a CSV file; its paths are relative to ``root`` and stay under it.
 
     A pair without an id is named by its left image without the suffix. Files that a row names and that
@@ -42,10 +41,10 @@ def find_in_table(table: Path, root: Path, coding: str | None = None) -> Found:
             missing[name] = lacking
         else:
             pairs.append(_pair(name, files, row.get("coding") or coding))
-    return Found(tuple(sorted(pairs, key=lambda pair: pair.id)), missing)
+    return PairListing(tuple(sorted(pairs, key=lambda pair: pair.id)), missing)
 
 
-def absent_files(table: Path, root: Path, found: Found) -> str:
+def absent_files(table: Path, root: Path, found: PairListing) -> str:
     """The sentence for files that the table names and that are not there; empty where all are."""
     absent = [file for files in found.missing.values() for file in files]
     if not absent:

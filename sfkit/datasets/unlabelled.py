@@ -17,10 +17,9 @@ import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path, PurePath
 
-from sfkit.datasets.finding import Found
 from sfkit.datasets.folders import CONVENTIONS, IMAGES
+from sfkit.datasets.listing import PairListing, inside, open_root
 from sfkit.datasets.pairs import StereoPair
-from sfkit.datasets.roots import inside, open_root
 from sfkit.errors import InputError
 
 UNLABELLED = "unlabelled"
@@ -36,7 +35,9 @@ FOLDERS = (
 """Left and right folders of images; of one parent, the first of these that is there counts (colour first)."""
 
 
-def find_unlabelled(root: Path | str, table: Path | str | None = None, every: int = 1) -> tuple[Path, Found]:
+def find_unlabelled(
+    root: Path | str, table: Path | str | None = None, every: int = 1
+) -> tuple[Path, PairListing]:
     """The root, and the pairs under it or in a CSV file (``table``, or ``root`` itself).
 
     Args:
@@ -70,7 +71,7 @@ def find_unlabelled(root: Path | str, table: Path | str | None = None, every: in
             f"{folder}: found the pair {twice[0]!r} twice, expected one of each name: rename one, or list "
             "the pairs in a CSV with a column id"
         )
-    return folder, Found(tuple(sorted(pairs, key=lambda pair: pair.id)))
+    return folder, PairListing(tuple(sorted(pairs, key=lambda pair: pair.id)))
 
 
 def _in_folders(root: Path, every: int) -> list[StereoPair]:

@@ -33,7 +33,7 @@ COLUMNS = (
     "cached",
 )
 
-Progress = Callable[[str, int, int], None]
+ProgressCallback = Callable[[str, int, int], None]
 """Hears a benchmark's name and how many of its evaluations are done, of how many."""
 
 
@@ -46,7 +46,7 @@ def score_recipes(
     validation: Sequence[str] = (),
     store: EvaluationStore | None = None,
     compute: Compute = HERE,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> pd.DataFrame:
     """Score named recipes on benchmarks, one row a (network, benchmark, metric).
 
@@ -87,7 +87,7 @@ def score_table(
     *,
     metrics: Sequence[str] = (),
     validation: Sequence[str] = (),
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> pd.DataFrame:
     """As :func:`score_recipes`, with evaluators that are ready; ``metrics`` must be among theirs."""
     rows = []

@@ -69,7 +69,7 @@ class Failure:
 
 
 @dataclass(frozen=True)
-class Run:
+class NotebookRun:
     """What the page says above the notebook.
 
     Attributes:
@@ -87,7 +87,7 @@ class Run:
     failure: Failure | None
 
 
-def render_page(notebook: NotebookNode, run: Run) -> str:
+def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     """The whole page as text.
 
     Code is hidden until the reader asks for it, but for the cell that failed. Figures stay plotly figures,
@@ -148,7 +148,7 @@ def _as_markup(data: NotebookNode, widgets: SavedWidgets) -> bool:
     return False
 
 
-def _title(notebook: NotebookNode, run: Run) -> str:
+def _title(notebook: NotebookNode, run: NotebookRun) -> str:
     """The notebook's first heading, else its file name."""
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
@@ -158,7 +158,7 @@ def _title(notebook: NotebookNode, run: Run) -> str:
     return run.notebook
 
 
-def _summary(run: Run, failed: NotebookNode | None) -> str:
+def _summary(run: NotebookRun, failed: NotebookNode | None) -> str:
     when = run.started.strftime("%Y-%m-%d %H:%M %Z")
     done = "failed after" if run.failure else "finished in"
     lines = [

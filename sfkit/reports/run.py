@@ -18,7 +18,7 @@ from papermill.exceptions import PapermillExecutionError
 from sfkit.errors import InputError, SfkitError
 from sfkit.files import unwritable, write_text
 from sfkit.reports.kernel import ThisInterpreter, Watcher
-from sfkit.reports.page import Failure, Run, render_page
+from sfkit.reports.page import Failure, NotebookRun, render_page
 from sfkit.reports.parameters import check_parameters, parameter_defaults, read_notebook
 from sfkit.reports.pictures import check_pictures, write_pictures
 
@@ -80,7 +80,7 @@ def report(
     watcher = Watcher(code_cells, progress or (lambda _line: None))
     started, clock = datetime.now().astimezone(), time.monotonic()
     failure = _execute(source, executed, values, watcher)
-    run = Run(source.name, started, time.monotonic() - clock, values, failure)
+    run = NotebookRun(source.name, started, time.monotonic() - clock, values, failure)
     result = nbformat.read(executed, as_version=4)
     write_text(page, render_page(result, run))
     if figures is not None:

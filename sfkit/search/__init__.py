@@ -18,8 +18,7 @@ from sfkit.search.live import LiveSearch
 from sfkit.search.operators import SubsetSpace
 from sfkit.search.records import Candidate, Counts, Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingCandidate, RoutingState
-from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import Known, Prediction
 

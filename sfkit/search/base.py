@@ -19,7 +19,7 @@ from sfkit.search.records import C, Counts, Generation, count, ranked
 
 @dataclass(frozen=True)
 class SearchState(Generic[C]):
-    """All a search knows between two generations, a pure function of its seed and the scores it heard.
+    """All a search knows between two generations, a pure function of its seed and the scores it was given.
 
     Attributes:
         generation: the number of the last finished generation, -1 before the initial population.

@@ -25,8 +25,7 @@ from sfkit.search.encoding import Vector
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingCandidate, RoutingState
-from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.surrogate import (
     NO_PREDICTION,
     Known,

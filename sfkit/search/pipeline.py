@@ -21,8 +21,7 @@ from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
 from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingCandidate
-from sfkit.search.routing_settings import RoutingSettings
+from sfkit.search.routing_records import RoutingCandidate, RoutingSettings
 from sfkit.search.subset import SubsetSearch
 
 Progress = Callable[[str, Generation[Any]], None]

@@ -1,4 +1,4 @@
-"""What searches leave behind: candidates, generations, counts; and the pure functions that rank them."""
+"""What searches leave behind: candidates, generations, counts, a table; and pure functions that rank them."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
+import pandas as pd
+
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
 
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """One recipe a search asked for, and what it heard.
+    """One recipe a search asked for, and what it scored.
 
     Attributes:
         number: position in the order of creation, from 0; ties go to the smaller number.
@@ -168,3 +170,32 @@ def ranked(candidates: Iterable[C]) -> tuple[C, ...]:
     """The unique candidates with a finite score, best first: the archive of Algorithm 1."""
     scored = (candidate for candidate in candidates if not (candidate.repeated or candidate.failed))
     return tuple(sorted(scored, key=lambda candidate: candidate.rank))
+
+
+COMMON = ("candidate", "generation", "subset", "size", "score", "failed", "error")
+"""Columns every history starts with."""
+
+ORIGIN = ("cached", "repeated", "seconds", "key")
+"""Columns that tell where a score came from."""
+
+
+def subset_history(
+    candidates: Sequence[SubsetCandidate], populations: Sequence[Sequence[int]]
+) -> pd.DataFrame:
+    """Table of a Stage 1 search.
+
+    Columns: ``candidate`` (number, from 0), ``generation`` (from 0), ``subset`` (tuple of names in the
+    pool's order), ``size``, ``score`` (the benchmark's unit; inf where it failed), ``failed``, ``error``
+    (None where it did not fail), ``cached`` (from the evaluation store), ``repeated`` (asked for before
+    by this search), ``seconds`` (what the evaluation took when it was computed), ``key`` (in the store),
+    ``chromosome`` (tuple of names in the order of the genes), ``parents`` (tuple of numbers),
+    ``operators`` (tuple, in order), ``survived`` (True where the candidate is in the population of its
+    own generation).
+    """
+    survived = [set(population) for population in populations]
+    rows = [
+        {**candidate.as_record(), "survived": candidate.number in survived[candidate.generation]}
+        for candidate in candidates
+    ]
+    columns = [*COMMON, *ORIGIN, "chromosome", "parents", "operators", "survived"]
+    return pd.DataFrame(rows, columns=columns)

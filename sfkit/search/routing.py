@@ -23,11 +23,9 @@ from sfkit.search.checks import distinct_names
 from sfkit.search.cma_es import CmaEs, Distribution, default_population, finite_fitness
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import Encoding, Vector, mean_entropy
-from sfkit.search.history import routing_history
 from sfkit.search.journal import Journal
-from sfkit.search.routing_records import RoutingCandidate, RoutingState
-from sfkit.search.routing_settings import RoutingSettings
-from sfkit.search.scoring import hear
+from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState, routing_history
+from sfkit.search.scoring import score_once
 
 __all__ = ["RoutingCandidate", "RoutingSearch", "RoutingState"]
 
@@ -115,7 +113,7 @@ class RoutingSearch(Search[RoutingCandidate]):
 
     @property
     def history(self) -> pd.DataFrame:
-        """One row a candidate; the columns are described at :func:`sfkit.search.history.routing_history`."""
+        """One row a candidate; columns as at :func:`sfkit.search.routing_records.routing_history`."""
         return routing_history(self._state.candidates, self.sources, self.blocks, self.encoding.dimension)
 
     @property
@@ -215,8 +213,8 @@ class RoutingSearch(Search[RoutingCandidate]):
         generation: int,
     ) -> tuple[RoutingCandidate, ...]:
         past = self._state.candidates
-        heard = hear(past, recipes, self._scorer)
-        zero = past[0].outcome if past else heard[0].outcome
+        found = score_once(past, recipes, self._scorer)
+        zero = past[0].outcome if past else found[0].outcome
         turn = self._turn(generation)
         return tuple(
             RoutingCandidate(
@@ -234,7 +232,7 @@ class RoutingSearch(Search[RoutingCandidate]):
                 reference=zero.parts[turn].held - zero.score if self.folds > 1 and zero.parts else 0.0,
             )
             for i, (x, origin, recipe, answer) in enumerate(
-                zip(vectors, origins, recipes, heard, strict=True)
+                zip(vectors, origins, recipes, found, strict=True)
             )
         )
 

@@ -12,20 +12,20 @@ from sfkit.search.records import Candidate
 
 
 @dataclass(frozen=True)
-class Heard:
+class Scored:
     """An outcome, and whether the search knew it already."""
 
     outcome: Outcome
     repeated: bool
 
 
-def hear(past: Iterable[Candidate], recipes: Sequence[Recipe], scorer: Scorer) -> tuple[Heard, ...]:
+def score_once(past: Iterable[Candidate], recipes: Sequence[Recipe], scorer: Scorer) -> tuple[Scored, ...]:
     """Score recipes, the new ones among them in one call, so that an engine can run them in parallel.
 
     A recipe that failed before is not tried again: its first outcome stands.
 
     Args:
-        past: every candidate the search has heard of.
+        past: every candidate the search has scored.
         recipes: what a generation proposes; may hold the same recipe more than once.
         scorer: asked once, with each new recipe once, in order; not at all where none is new.
 
@@ -39,11 +39,11 @@ def hear(past: Iterable[Candidate], recipes: Sequence[Recipe], scorer: Scorer) -
     new = tuple(dict.fromkeys(recipe for recipe in recipes if recipe not in known))
     fresh = dict(zip(new, _ask(scorer, new), strict=True))
     first = set(fresh)
-    heard = []
+    found = []
     for recipe in recipes:
-        heard.append(Heard((fresh if recipe in fresh else known)[recipe], repeated=recipe not in first))
+        found.append(Scored((fresh if recipe in fresh else known)[recipe], repeated=recipe not in first))
         first.discard(recipe)
-    return tuple(heard)
+    return tuple(found)
 
 
 def _ask(scorer: Scorer, recipes: tuple[Recipe, ...]) -> tuple[Outcome, ...]:

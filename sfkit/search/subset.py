@@ -23,11 +23,10 @@ from sfkit.search.base import Search, SearchState
 from sfkit.search.breeding import Draft, Rank, SubsetSettings, bred, initial, survivors
 from sfkit.search.checks import distinct_names, require_known
 from sfkit.search.constraints import Constraints, subset_of
-from sfkit.search.history import subset_history
 from sfkit.search.journal import Journal
 from sfkit.search.operators import Chromosome, SubsetSpace
-from sfkit.search.records import SubsetCandidate
-from sfkit.search.scoring import hear
+from sfkit.search.records import SubsetCandidate, subset_history
+from sfkit.search.scoring import score_once
 from sfkit.streams import Stream, generator
 
 
@@ -117,7 +116,7 @@ class SubsetSearch(Search[SubsetCandidate]):
 
     @property
     def history(self) -> pd.DataFrame:
-        """One row a candidate; the columns are described at :func:`sfkit.search.history.subset_history`."""
+        """One row a candidate; the columns are described at :func:`sfkit.search.records.subset_history`."""
         return subset_history(self._state.candidates, self._state.populations)
 
     def recipe(self, chromosome: Chromosome) -> Recipe:
@@ -149,7 +148,7 @@ class SubsetSearch(Search[SubsetCandidate]):
     def _scored(self, drafts: Sequence[Draft], generation: int) -> tuple[SubsetCandidate, ...]:
         past = self._state.candidates
         recipes = [self.recipe(draft.chromosome) for draft in drafts]
-        heard = hear(past, recipes, self._scorer)
+        found = score_once(past, recipes, self._scorer)
         return tuple(
             SubsetCandidate(
                 number=len(past) + i,
@@ -161,7 +160,7 @@ class SubsetSearch(Search[SubsetCandidate]):
                 parents=draft.parents,
                 operators=draft.operators,
             )
-            for i, (draft, recipe, answer) in enumerate(zip(drafts, recipes, heard, strict=True))
+            for i, (draft, recipe, answer) in enumerate(zip(drafts, recipes, found, strict=True))
         )
 
     def _read_starts(self, start: Recipe | Iterable[Recipe | Iterable[str]]) -> tuple[Chromosome, ...]:

@@ -11,12 +11,12 @@ from safetensors.torch import load_file
 from sfkit import InputError, bank
 from sfkit.bank.build import pool_toml
 from sfkit.bank.measure import constant_guess, errors
-from sfkit.bank.plan import Plan, bank_plan
+from sfkit.bank.plan import TrainingPlan, bank_plan
 from sfkit.bank.training import new_network
 from sfkit.datasets.synthetic import domains, synthetic_pair
 from sfkit.evaluation.metrics import bad, epe
 
-TINY = Plan(steps=1, peak_rate=1e-3, scenes=2, batch=2)
+TINY = TrainingPlan(steps=1, peak_rate=1e-3, scenes=2, batch=2)
 
 
 @pytest.fixture(scope="module")

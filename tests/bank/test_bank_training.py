@@ -7,11 +7,11 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from sfkit.bank.plan import Plan
+from sfkit.bank.plan import TrainingPlan
 from sfkit.bank.training import Trained, batch_of, learning_rate, new_network, stage_loss, train
 from sfkit.datasets.synthetic import domains
 
-TINY = Plan(steps=4, peak_rate=1e-3, scenes=4, batch=2, warm_up=2, save_every=2)
+TINY = TrainingPlan(steps=4, peak_rate=1e-3, scenes=4, batch=2, warm_up=2, save_every=2)
 HAZE = domains()["haze"]
 
 
@@ -60,7 +60,7 @@ def test_training_moves_the_weights_and_counts(whole: Trained) -> None:
 
 
 def test_a_finished_training_renders_nothing_again(tmp_path: Path) -> None:
-    plan = Plan(steps=2, peak_rate=1e-3, scenes=2, batch=2, save_every=2)
+    plan = TrainingPlan(steps=2, peak_rate=1e-3, scenes=2, batch=2, save_every=2)
     train(HAZE, plan, None, tmp_path / "state.pt")
     heard = []
     train(HAZE, plan, None, tmp_path / "state.pt", lambda *what: heard.append(what))
@@ -68,7 +68,7 @@ def test_a_finished_training_renders_nothing_again(tmp_path: Path) -> None:
 
 
 def test_training_starts_from_the_given_weights(tmp_path: Path, whole: Trained) -> None:
-    nothing = Plan(steps=1, peak_rate=0.0, scenes=2, batch=2)
+    nothing = TrainingPlan(steps=1, peak_rate=0.0, scenes=2, batch=2)
     trained = train(HAZE, nothing, whole.weights, tmp_path / "state.pt")
     for key, value in whole.weights.items():
         if "running" not in key and "num_batches" not in key:
@@ -84,7 +84,7 @@ def test_new_networks_come_from_the_seed_and_leave_the_global_state_alone() -> N
 
 
 def test_an_epoch_sees_every_scene_once() -> None:
-    plan = Plan(steps=10, peak_rate=1.0, scenes=12, batch=3)
+    plan = TrainingPlan(steps=10, peak_rate=1.0, scenes=12, batch=3)
     for epoch in (0, 1):
         seen = np.concatenate([batch_of(plan, 4 * epoch + k) for k in range(4)])
         assert sorted(seen) == list(range(12))
@@ -92,7 +92,7 @@ def test_an_epoch_sees_every_scene_once() -> None:
 
 
 def test_learning_rate_by_hand() -> None:
-    plan = Plan(steps=110, peak_rate=2.0, scenes=6, warm_up=10)
+    plan = TrainingPlan(steps=110, peak_rate=2.0, scenes=6, warm_up=10)
     assert learning_rate(plan, 0) == pytest.approx(0.2)
     assert learning_rate(plan, 9) == pytest.approx(2.0)
     assert learning_rate(plan, 10) == pytest.approx(2.0)

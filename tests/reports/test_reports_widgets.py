@@ -13,7 +13,7 @@ import pytest
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell, new_notebook, new_output
 
-from sfkit.reports.page import Run, render_page
+from sfkit.reports.page import NotebookRun, render_page
 from sfkit.reports.widgets import STATE_MIME, VIEW_MIME
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def executed(states: dict[str, Any], *shown: str) -> NotebookNode:
 
 
 def page_of(notebook: NotebookNode) -> str:
-    return render_page(notebook, Run("n.ipynb", datetime.now().astimezone(), 1.0, {}, None))
+    return render_page(notebook, NotebookRun("n.ipynb", datetime.now().astimezone(), 1.0, {}, None))
 
 
 def saved(page: str) -> dict[str, Any]:

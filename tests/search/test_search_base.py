@@ -12,7 +12,7 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
-from sfkit.search.scoring import hear
+from sfkit.search.scoring import score_once
 
 
 def score(recipe: Recipe) -> float:
@@ -144,9 +144,9 @@ def test_equal_recipes_in_one_generation_are_asked_for_once(build) -> None:
     search.step()
     known, scorer = search.candidates[0].recipe, Scorer(score)
     new = Recipe.weighted({"source0": 0.5, "source1": 0.5}, BLOCKS, scale=1.5)
-    heard = hear(search.candidates, [new, known, new], scorer)
+    heard = score_once(search.candidates, [new, known, new], scorer)
     assert scorer.calls == [(new,)]
     assert [entry.repeated for entry in heard] == [False, True, True]
     assert heard[1].outcome is search.candidates[0].outcome
-    assert hear(search.candidates, [known], scorer)[0].repeated
+    assert score_once(search.candidates, [known], scorer)[0].repeated
     assert len(scorer.calls) == 1

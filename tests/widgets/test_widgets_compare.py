@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from sfkit_widgets import _compare_scene
-from sfkit_widgets._compare_scene import HIGHEST, LOWEST, NO_VALUE, NOT_FINITE, REACH, Coding, scene
+from sfkit_widgets._compare_scene import HIGHEST, LOWEST, NO_VALUE, NOT_FINITE, REACH, MapCoding, scene
 from sfkit_widgets.disparity_compare import DisparityCompare
 from traitlets import TraitError
 
@@ -38,7 +38,7 @@ def compare(made: tuple[Pool, Benchmark]) -> DisparityCompare:
 
 
 def decoded(state: dict[str, Any], code: bytes) -> NDArray[np.float64]:
-    """Disparities from codes, by the words of Coding's docstring."""
+    """Disparities from codes, by the words of MapCoding's docstring."""
     codes = np.frombuffer(code, "<u2").astype(np.float64).reshape(state["height"], state["width"])
     pixels = state["offset"] + (codes - 1) * state["step"]
     return np.where((codes == NO_VALUE) | (codes == NOT_FINITE), np.nan, pixels)
@@ -60,7 +60,7 @@ def test_maps_come_back_to_half_a_step() -> None:
 
 
 def test_no_truth_no_finite_value_and_zero_are_three_things() -> None:
-    coding = Coding.of(panels())
+    coding = MapCoding.of(panels())
     values = np.array([[np.nan, 0.0, np.inf]], np.float32)
     assert coding.codes(values, missing=NO_VALUE).tolist() == [[NO_VALUE, LOWEST, NO_VALUE]]
     assert coding.codes(values, missing=NOT_FINITE).tolist() == [[NOT_FINITE, LOWEST, NOT_FINITE]]
@@ -79,7 +79,7 @@ def test_wild_predictions_keep_the_coding_fine(prediction: NDArray[np.float32]) 
     network = NetworkMaps("wild", prediction, error_map(prediction, truth), {})
     left = np.zeros((3, 5, 3), np.uint8)
     wild = DisparityPanels("b", "all-valid", "p", left, truth, (network,), (5.0, 15.0), 1.0)
-    coding = Coding.of(wild)
+    coding = MapCoding.of(wild)
     assert coding.step <= (10 + 2 * REACH) / 65_000
     finite = prediction[np.isfinite(prediction)]
     assert coding.above == bool((finite > 15 + REACH).any())

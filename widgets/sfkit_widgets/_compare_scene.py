@@ -24,7 +24,7 @@ PHOTOGRAPH_QUALITY = 90
 
 
 @dataclass(frozen=True)
-class Coding:
+class MapCoding:
     """How disparities become 16-bit codes: pixels = offset + (code - 1) * step for codes 1 to 65534.
 
     Code 0 is no value (no ground truth that counts), code 65535 a prediction that is not finite. Values
@@ -38,7 +38,7 @@ class Coding:
     above: bool = False  # whether code 65534 also stands for higher values
 
     @classmethod
-    def of(cls, panels: DisparityPanels) -> Coding:
+    def of(cls, panels: DisparityPanels) -> MapCoding:
         """As fine as the range of the values allows, whose ends are cut off at :data:`REACH`."""
         low, high = panels.limits
         maps = [panels.truth, *(network.disparity for network in panels.networks)]
@@ -61,9 +61,9 @@ class Coding:
 def scene(panels: DisparityPanels) -> dict[str, Any]:
     """Everything a pair shows: pictures and maps as bytes, the rest plain JSON.
 
-    Maps are (H, W) uint16 in little-endian order; see :class:`Coding`.
+    Maps are (H, W) uint16 in little-endian order; see :class:`MapCoding`.
     """
-    coding = Coding.of(panels)
+    coding = MapCoding.of(panels)
     height, width = panels.truth.shape
     return {
         "benchmark": panels.benchmark,
@@ -93,7 +93,7 @@ def palettes() -> dict[str, Any]:
     }
 
 
-def _network(panels: DisparityPanels, network: NetworkMaps, coding: Coding) -> dict[str, Any]:
+def _network(panels: DisparityPanels, network: NetworkMaps, coding: MapCoding) -> dict[str, Any]:
     versus = [advantage(other.error, network.error, panels.threshold) for other in panels.networks]
     return {
         "name": network.name,

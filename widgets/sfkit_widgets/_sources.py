@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from typing import Any, Protocol, TypeAlias
 
 from sfkit.analysis.evolution import Evolution, evolution, watched_evolution
@@ -13,6 +14,8 @@ from sfkit.search.live import LiveSearch
 from sfkit.search.progress import Progress, watched_progress
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.subset import SubsetSearch
+from sfkit_widgets._base import SfkitWidget
+from sfkit_widgets._publisher import PUBLISHER
 
 
 class Source(Protocol):
@@ -128,3 +131,31 @@ def source_of(
         other = {"subset": "PopulationView", "routing": "RoutingView"}[found.kind]
         raise InputError(f"search: found a {found.kind} search, expected a {kind} search: use {other}")
     return found
+
+
+class SearchView(SfkitWidget):
+    """A widget that shows what a search has found so far, and brings it up to date as the search goes on."""
+
+    def __init__(self, source: LiveSource | JournalSource, settings: dict[str, Any]) -> None:
+        self._source = source
+        self._version: object = None
+        super().__init__(settings)
+        self.refresh()
+        PUBLISHER.follow(self)
+
+    @abstractmethod
+    def _show(self) -> None:
+        """Bring the traits up to date with the source."""
+
+    def refresh(self) -> None:
+        """Show what is new since the last call, where there is something."""
+        with self.reporting():
+            version = self._source.version()
+            if version is not self._version:
+                self._show()
+                self._version = version
+
+    def close(self) -> None:
+        """Take the widget away; the search goes on."""
+        PUBLISHER.leave(self)
+        super().close()

@@ -14,15 +14,13 @@ from sfkit.analysis.thinning import drawn_points
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style
-from sfkit_widgets._base import SfkitWidget
-from sfkit_widgets._publisher import PUBLISHER
-from sfkit_widgets._sources import Watchable, source_of
+from sfkit_widgets._sources import SearchView, Watchable, source_of
 
 GENERATIONS_DRAWN, INDIVIDUALS_DRAWN = 100, 60
 """At most so many generations, and individuals of each, best first, reach the browser."""
 
 
-class PopulationView(SfkitWidget):
+class PopulationView(SearchView):
     """Watches a Stage 1 search, whether a widget, a cell or another process runs it.
 
     Args:
@@ -50,27 +48,12 @@ class PopulationView(SfkitWidget):
     ) -> None:
         if isinstance(archive, bool) or not isinstance(archive, int) or archive < 0:
             raise InputError(f"archive: found {archive!r}, expected a whole number of at least 0")
-        self._source = source_of(search, metric, kind="subset")
         self._archive = archive
-        self._version: object = None
-        super().__init__(settings)
-        self.refresh()
-        PUBLISHER.follow(self)
+        super().__init__(source_of(search, metric, kind="subset"), settings)
 
-    def refresh(self) -> None:
-        """Show the latest generation, where there is a new one."""
-        with self.reporting():
-            version = self._source.version()
-            if version is self._version:
-                return
-            found = self._source.evolution()
-            self.evolution = {} if found is None else shown_evolution(found, self._archive)
-            self._version = version
-
-    def close(self) -> None:
-        """Take the widget away; the search goes on."""
-        PUBLISHER.leave(self)
-        super().close()
+    def _show(self) -> None:
+        found = self._source.evolution()
+        self.evolution = {} if found is None else shown_evolution(found, self._archive)
 
 
 def shown_evolution(found: Evolution, archive: int) -> dict[str, Any]:

@@ -13,15 +13,13 @@ from sfkit.analysis.routings import RoutingTrace
 from sfkit.colours import SHARE, colour_at, text_on
 from sfkit.figures.theme import series_style
 from sfkit_widgets._assets import script, style
-from sfkit_widgets._base import SfkitWidget
-from sfkit_widgets._publisher import PUBLISHER
-from sfkit_widgets._sources import Watchable, source_of
+from sfkit_widgets._sources import SearchView, Watchable, source_of
 
 SHADES = 32
 """Steps of the heatmap's colour map that reach the browser."""
 
 
-class RoutingView(SfkitWidget):
+class RoutingView(SearchView):
     """Watches a Stage 2 search, whether a widget, a cell or another process runs it.
 
     Args:
@@ -44,26 +42,11 @@ class RoutingView(SfkitWidget):
     """
 
     def __init__(self, search: Watchable, *, metric: str | None = None, **settings: Any) -> None:
-        self._source = source_of(search, metric, kind="routing")
-        self._version: object = None
-        super().__init__(settings)
-        self.refresh()
-        PUBLISHER.follow(self)
+        super().__init__(source_of(search, metric, kind="routing"), settings)
 
-    def refresh(self) -> None:
-        """Show the latest evaluations, where there are new ones."""
-        with self.reporting():
-            version = self._source.version()
-            if version is self._version:
-                return
-            found = self._source.trace()
-            self.trace = {} if found is None else shown_trace(found)
-            self._version = version
-
-    def close(self) -> None:
-        """Take the widget away; the search goes on."""
-        PUBLISHER.leave(self)
-        super().close()
+    def _show(self) -> None:
+        found = self._source.trace()
+        self.trace = {} if found is None else shown_trace(found)
 
 
 def shown_trace(trace: RoutingTrace) -> dict[str, Any]:

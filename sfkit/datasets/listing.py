@@ -1,21 +1,21 @@
-"""Find the pairs of a public data set under a root, by its manifest."""
+"""Which pairs lie under a root: found by a data set's manifest, and nothing outside the root."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath
 
-from sfkit.datasets.manifests import ID, RESOLUTION, Layout, Manifest
+from sfkit.datasets.manifests import ID, RESOLUTION, Manifest, PairLayout
 from sfkit.datasets.pairs import StereoPair
-from sfkit.datasets.roots import inside
+from sfkit.errors import InputError
 
 NEEDED = ("left", "right", "disparity")
 
 
 @dataclass(frozen=True)
-class Found:
+class PairListing:
     """What lies under a root.
 
     Attributes:
@@ -29,7 +29,7 @@ class Found:
     notes: tuple[str, ...] = ()
 
 
-def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> Found:
+def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> PairListing:
     """The pairs of a data set under ``root``: of the first layout that has a complete one.
 
     Where none is complete, the pairs of the first layout that has any left image are listed as missing.
@@ -37,7 +37,7 @@ def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> Found:
     Raises:
         InputError: a file leads outside the root.
     """
-    fallback = Found(())
+    fallback = PairListing(())
     for place in manifest.places:
         for layout in manifest.layouts:
             found = _find(layout, root, place, resolution)
@@ -48,7 +48,7 @@ def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> Found:
     return fallback
 
 
-def nothing_found(manifest: Manifest, root: Path, resolution: str | None, found: Found) -> str:
+def nothing_found(manifest: Manifest, root: Path, resolution: str | None, found: PairListing) -> str:
     """The sentence for a root without one complete pair: what was looked for, what lacks, what to do."""
     if found.missing:
         name, files = next(iter(found.missing.items()))
@@ -59,7 +59,7 @@ def nothing_found(manifest: Manifest, root: Path, resolution: str | None, found:
     return f"{manifest.name}: under {root} found {what}; {manifest.get} ({manifest.home})"
 
 
-def _find(layout: Layout, root: Path, place: str, resolution: str | None) -> Found:
+def _find(layout: PairLayout, root: Path, place: str, resolution: str | None) -> PairListing:
     pairs, missing = [], {}
     for name in _ids(layout, root, place, resolution):
         files = {
@@ -73,10 +73,10 @@ def _find(layout: Layout, root: Path, place: str, resolution: str | None) -> Fou
             missing[name] = lacking
         else:
             pairs.append(_pair(name, layout, files))
-    return Found(tuple(pairs), missing, (layout.note,) if layout.note else ())
+    return PairListing(tuple(pairs), missing, (layout.note,) if layout.note else ())
 
 
-def _pair(name: str, layout: Layout, files: Mapping[str, Path]) -> StereoPair:
+def _pair(name: str, layout: PairLayout, files: Mapping[str, Path]) -> StereoPair:
     there = {role: path for role, path in files.items() if path.is_file()}
     return StereoPair(
         id=name,
@@ -90,7 +90,7 @@ def _pair(name: str, layout: Layout, files: Mapping[str, Path]) -> StereoPair:
     )
 
 
-def _ids(layout: Layout, root: Path, place: str, resolution: str | None) -> list[str]:
+def _ids(layout: PairLayout, root: Path, place: str, resolution: str | None) -> list[str]:
     """The names that take the place of ``{id}`` in the left image's pattern, sorted."""
     parts = PurePosixPath(place, _fill(layout.left, ID, resolution)).parts
     at = next(i for i, part in enumerate(parts) if ID in part)
@@ -106,3 +106,30 @@ def _ids(layout: Layout, root: Path, place: str, resolution: str | None) -> list
 
 def _fill(pattern: str, name: str, resolution: str | None) -> str:
     return pattern.replace(ID, name).replace(RESOLUTION, resolution or "")
+
+
+def open_root(root: Path | str) -> Path:
+    """The data folder as an absolute path; it may itself be a symbolic link.
+
+    Raises:
+        InputError: there is no such folder.
+    """
+    folder = Path(root).expanduser()
+    if not folder.is_dir():
+        raise InputError(f"{folder}: found no such folder, expected the folder that holds the data set")
+    return folder.resolve()
+
+
+def inside(root: Path, relative: PurePath | str) -> Path:
+    """``root / relative``, which must not leave ``root`` by ``..``, as an absolute path or over a link.
+
+    Raises:
+        InputError: the path leads outside.
+    """
+    path = root / relative
+    if not path.resolve().is_relative_to(root):
+        raise InputError(
+            f"{relative}: leads to {path.resolve()}, expected a path under {root}; "
+            "copy the file there, or give a folder that holds all files"
+        )
+    return path
