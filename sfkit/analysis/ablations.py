@@ -1,8 +1,8 @@
 """Ablations (StereoFactory, section V-F): one thing of an experiment is changed, everything else stays.
 
-Each function returns a table: a row a variant, a column a benchmark in the experiment's metric (lower is
-better), and the mean over the benchmarks that guided no search of that row. What the store holds already,
-from whichever experiment, is not computed again.
+Each function returns a table: a row a variant, a column a benchmark in the metric the experiment shows it
+by, and the mean over the benchmarks that guided no search of that row, where these have one unit. What the
+store holds already, from whichever experiment, is not computed again.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
 def _against_own(here: Experiment, recipes: Mapping[str, Recipe]) -> str:
     """The second recipe against the first on the unseen benchmarks' mean, as a sentence."""
     own, reused = recipes
-    evaluators = [here.scorer(b, here.shown) for b in here.reported if b.name not in here.guided]
+    evaluators = [here.scorer(b, here.metric_of(b)) for b in here.reported if b.name not in here.guided]
     if not evaluators:
         return "no benchmark is unseen"
     measured = measure_with(evaluators, recipes)
@@ -206,7 +206,8 @@ def scored(
     seen = {*pairs_in_common([guide or experiment.validation], shown)}
     seen |= {edited.benchmark for edited in experiment.by_hand}
     unseen = [name for name in columns if name not in seen]
-    mean = table[unseen].mean(axis=1, skipna=False) if unseen else np.nan
+    units = set(scores.loc[scores["benchmark"].isin(unseen), "unit"])
+    mean = table[unseen].mean(axis=1, skipna=False) if len(units) == 1 else np.nan
     marks = {} if guide is not None else {name: marked(name, guided=True) for name in columns if name in seen}
     return table.rename(columns=marks).assign(**{MEAN: mean})
 

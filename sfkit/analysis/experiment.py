@@ -12,6 +12,7 @@ from typing import Any
 
 import pandas as pd
 
+from sfkit.analysis.measured import Measured, measure_with
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.editing import SeenByHand, seen_by_hand
 from sfkit.errors import InputError
@@ -71,6 +72,7 @@ class Experiment:
         reported: what tests their results; none of its pairs may be among the validation's.
         store: where every evaluation is kept, so that experiments that share a recipe share its score.
         metric: what the tables show; the validation benchmark's unless given.
+        own_metrics: whether tables show each benchmark under its own metric instead.
         population: M of Stage 1.
         generations: T_1 of Stage 1.
         evaluations: N_eval of Stage 2.
@@ -88,6 +90,7 @@ class Experiment:
     evaluations: int = 300
     seed: int = 0
     compute: Compute = HERE
+    own_metrics: bool = False
     _evaluators: dict[tuple[Any, ...], Evaluator] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -99,8 +102,39 @@ class Experiment:
 
     @property
     def shown(self) -> str:
-        """The metric of tables."""
+        """The metric of tables, where they do not show each benchmark under its own."""
         return self.metric or self.validation.metric
+
+    def metric_of(self, benchmark: Benchmark) -> str:
+        """What tables show a benchmark by."""
+        return benchmark.metric if self.own_metrics else self.shown
+
+    @property
+    def columns(self) -> tuple[Benchmark, ...]:
+        """What tables show: what guides, then the reported benchmarks, each set of pairs once."""
+        return check_separation(self.validation, self.reported, allow=True).columns
+
+    def scorers(self, also: Sequence[str] = ()) -> tuple[Evaluator, ...]:
+        """One evaluator for each of :attr:`columns`, with the metric that tables show it by."""
+        return tuple(self.scorer(one, self.metric_of(one), also) for one in self.columns)
+
+    def measured(self, networks: Mapping[str, tuple[Pool, Recipe]]) -> tuple[Measured, ...]:
+        """Networks, each of its own pool, on all of :attr:`columns`: the records that tables are made of.
+
+        Raises:
+            InputError: a pool of another base or architecture, or a recipe that does not suit its pool.
+        """
+        scorers, guided = self.scorers(), self.guided
+        found: dict[str, tuple[Measured, ...]] = {}
+        for owner in dict.fromkeys(own for own, _ in networks.values()):
+            recipes = {name: recipe for name, (own, recipe) in networks.items() if own is owner}
+            made = measure_with([one.with_pool(owner) for one in scorers], recipes, validation=guided)
+            found |= dict.fromkeys(recipes, made)
+        first = next(iter(found.values()))
+        return tuple(
+            replace(one, images={name: found[name][place].of(name) for name in networks})
+            for place, one in enumerate(first)
+        )
 
     @property
     def by_hand(self) -> tuple[SeenByHand, ...]:
@@ -190,12 +224,10 @@ class Experiment:
     def scores(self, recipes: Mapping[str, Recipe], metrics: Sequence[str] = ()) -> pd.DataFrame:
         """One row a (network, benchmark, metric), validation first, as ``score_recipes`` gives them.
 
-        ``metrics`` is :attr:`shown` unless given. All of :attr:`guided` have the role ``validation``.
+        ``metrics`` are those of :meth:`metric_of` unless given. All of :attr:`guided` have the role
+        ``validation``.
         """
-        apart = check_separation(self.validation, self.reported, allow=True)
-        wanted = tuple(metrics) or (self.shown,)
-        evaluators = [self.scorer(benchmark, also=wanted) for benchmark in apart.columns]
-        return score_table(evaluators, recipes, metrics=wanted, validation=self.guided)
+        return score_table(self.scorers(metrics), recipes, metrics=metrics, validation=self.guided)
 
     def _given(self, subset: Sequence[str], scorer: Evaluator) -> SubsetCandidate:
         recipe = self.pool.equal(*subset)

@@ -14,7 +14,7 @@ from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.judgement import Judgement
 from sfkit.analysis.labels import marked
-from sfkit.analysis.measured import Measured, measure_with
+from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.verdict import Verdict, verdict
@@ -22,7 +22,6 @@ from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.editing import SeenByHand
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.separation import check_separation
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -95,18 +94,19 @@ class Study:
         return tuple(one for one in self.measured if not one.validation)
 
     @property
-    def metric(self) -> str:
-        """The metric of the comparison."""
-        return self.experiment.shown
+    def metric(self) -> str | None:
+        """The metric of the comparison; None where each benchmark is shown under its own."""
+        metrics = {one.metric for one in self.measured}
+        return metrics.pop() if len(metrics) == 1 else None
 
     def mean(self, network: str) -> float:
         """A network's mean score over the unseen benchmarks; over all where none is unseen."""
-        return _mean(one.score(network, metric=self.metric) for one in self.unseen or self.measured)
+        return _mean(one.score(network) for one in self.unseen or self.measured)
 
     def differences(self, network: str, references: Sequence[str]) -> tuple[Difference, ...]:
         """One network against others on the unseen benchmarks' mean, corrected for how many they are."""
         tests = self.unseen or self.measured
-        return corrected([paired_difference(tests, network, name, metric=self.metric) for name in references])
+        return corrected([paired_difference(tests, network, name) for name in references])
 
     def selection(self) -> SelectionStatistics:
         """Which sources the seeds of the two stages chose, and with what weight."""
@@ -136,9 +136,9 @@ class Study:
             {
                 "network": network,
                 "benchmark": one.benchmark,
-                "metric": self.metric,
-                "unit": self.comparison.unit,
-                "score": _mean(one.score(name, metric=self.metric) for name in names),
+                "metric": one.metric,
+                "unit": one.unit,
+                "score": _mean(one.score(name) for name in names),
                 "role": "validation" if one.validation else "reported",
             }
             for one in self.measured
@@ -150,7 +150,7 @@ class Study:
         """Base and single sources on every benchmark, and the mean over those that guided nothing."""
         names = (BASE, *self.experiment.pool.names)
         columns = {
-            marked(one.benchmark, one.validation): [one.score(name, metric=self.metric) for name in names]
+            marked(one.benchmark, one.validation): [one.score(name) for name in names]
             for one in self.measured
         }
         table = pd.DataFrame(columns, index=pd.Index(names, name="network"))
@@ -214,14 +214,12 @@ def study(
     if seeds < 1:
         raise InputError(f"seeds: found {seeds}, expected at least 1")
     used = tuple(experiment.seed + number for number in range(seeds))
-    apart = check_separation(experiment.validation, experiment.reported, allow=True)
     guided = experiment.guided
-    evaluators = [experiment.scorer(benchmark) for benchmark in apart.columns]
-    tests = [one for one in evaluators if one.benchmark.name not in guided]
+    tests = [experiment.scorer(one) for one in experiment.columns if one.name not in guided]
     run = _run(experiment, used[0], methods, tests, settings, progress)
     runs = _seeded(experiment, run, used, settings, progress)
     progress("every network on every benchmark")
-    measured = _measure(experiment, runs, evaluators, guided)
+    measured = experiment.measured(_networks(experiment.pool, runs))
     name = reference or list(run.results)[-1]
     if name not in run.results:
         raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
@@ -278,33 +276,11 @@ def _seeded(
     return runs
 
 
-def _measure(
-    experiment: Experiment,
-    runs: Mapping[str, BaselineResult],
-    evaluators: Sequence[Evaluator],
-    guided: Sequence[str],
-) -> tuple[Measured, ...]:
-    pool = experiment.pool
-    networks: dict[str, tuple[Pool, Recipe]] = {BASE: (pool, pool.base_recipe())}
-    networks |= {name: (pool, pool.equal(name)) for name in pool.names}
-    networks |= {name: (result.pool, result.recipe) for name, result in runs.items()}
-    parts: dict[str, tuple[Measured, ...]] = {}
-    for owner in dict.fromkeys(own for own, _ in networks.values()):
-        recipes = {name: recipe for name, (own, recipe) in networks.items() if own is owner}
-        of_owner = [evaluator.with_pool(owner) for evaluator in evaluators]
-        made = measure_with(of_owner, recipes, validation=guided)
-        parts |= dict.fromkeys(recipes, made)
-    return tuple(
-        Measured(
-            benchmark=evaluator.benchmark.name,
-            protocol=evaluator.benchmark.protocol,
-            family=evaluator.benchmark.family,
-            metric=experiment.shown,
-            validation=evaluator.benchmark.name in guided,
-            images={name: parts[name][place].of(name) for name in networks},
-        )
-        for place, evaluator in enumerate(evaluators)
-    )
+def _networks(pool: Pool, runs: Mapping[str, BaselineResult]) -> dict[str, tuple[Pool, Recipe]]:
+    """Base, sources, and what the methods found, each with the pool it belongs to."""
+    alone = {name: (pool, pool.equal(name)) for name in pool.names}
+    found = {name: (result.pool, result.recipe) for name, result in runs.items()}
+    return {BASE: (pool, pool.base_recipe()), **alone, **found}
 
 
 def _compare(
@@ -319,17 +295,7 @@ def _compare(
         if network != result.label:
             groups.setdefault(result.label, []).append(network)
     shown = (BASE, *runs)
-    rows = [
-        Measured(
-            one.benchmark,
-            one.protocol,
-            one.family,
-            one.metric,
-            one.validation,
-            {name: one.images[name] for name in shown},
-        )
-        for one in measured
-    ]
+    rows = [replace(one, images={name: one.images[name] for name in shown}) for one in measured]
     return compare_networks(rows, reference, seeds=groups)
 
 
