@@ -16,9 +16,9 @@ from sfkit.datasets.benchmark import PAIRS, find_own_pairs, open_benchmark
 from sfkit.datasets.digests import file_digest
 from sfkit.datasets.folders import nothing_recognised
 from sfkit.datasets.images import read_grey, read_image
+from sfkit.datasets.listing import inside, open_root
 from sfkit.datasets.manifests import manifest_names
 from sfkit.datasets.pairs import Pair, Sample
-from sfkit.datasets.roots import inside, open_root
 from sfkit.datasets.source_cameras import constant_of
 from sfkit.datasets.source_codings import read_source_disparity
 from sfkit.datasets.source_manifests import (
