@@ -16,6 +16,7 @@ from importlib.metadata import version
 
 from sfkit import baselines
 from sfkit.architectures import InputConvention, PadSides, register_architecture
+from sfkit.architectures.code import trust_code
 from sfkit.bank.source_data import open_source_data
 from sfkit.checkpoints import FileForm, read_checkpoint
 from sfkit.datasets.benchmark import Benchmark, open_benchmark, open_benchmarks
@@ -123,5 +124,6 @@ __all__ = [
     "save_merged",
     "score_recipes",
     "transfer",
+    "trust_code",
     "validation_scorer",
 ]

@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import inspect
+import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,6 +24,9 @@ from typing import Any, TypeVar
 import torch
 from torch import nn
 
+from sfkit.architectures import code
+from sfkit.architectures.calling import PLAIN, Calling
+from sfkit.architectures.code import Code
 from sfkit.architectures.inputs import InputConvention
 from sfkit.errors import InputError, unknown_name
 
@@ -51,6 +56,7 @@ class Architecture:
         matching: network, left, right -> its distributions over disparities or residuals, one a stage, each
             (B, D, h, w) and summing to 1 over D; None where it has none.
         version: changes whenever the network's output changes; part of every evaluation's key.
+        code: the user's file that registered it, None for what is imported by name.
     """
 
     name: str
@@ -67,6 +73,7 @@ class Architecture:
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None
     beside: Callable[[Path], Options] | None = None
     matching: Matching | None = None
+    code: Code | None = None
 
     def is_optional(self, key: str) -> bool:
         """True for a key a checkpoint may lack, or have though the options leave that part out."""
@@ -91,6 +98,7 @@ class Architecture:
 
 
 _REGISTRY: dict[str, Architecture] = {}
+_CLAIMED: dict[str, dict[str, Architecture]] = {}  # a file's identity -> what it registered
 
 
 def register_architecture(
@@ -106,6 +114,10 @@ def register_architecture(
     check: Callable[[Mapping[str, tuple[int, ...]], Options], None] | None = None,
     beside: Callable[[Path], Options] | None = None,
     matching: Matching | None = None,
+    call: str = "pair",
+    keywords: Mapping[str, Any] | None = None,
+    output: str | Sequence[str] = "tensor",
+    resolution: int = 1,
     version: str | None = None,
 ) -> Callable[[Builder], Builder]:
     """Register an ``nn.Module`` class, or a function that builds one, under ``name``.
@@ -113,17 +125,26 @@ def register_architecture(
     Its keyword arguments become the architecture's options (all need defaults). Registering a name
     again replaces the entry, so a notebook cell can be run twice. Without ``version`` the digest of
     the decorated source is the version: an edited cell never meets the scores of its former self.
+
+    A network that is called otherwise than ``forward(left, right)``, or returns something else than a
+    disparity in pixels, is described by ``call``, ``keywords``, ``output`` and ``resolution``: the four of
+    :class:`~sfkit.architectures.calling.Calling`.
+
+    Raises:
+        InputError: an option has no default, the source cannot be read, or a word is unknown.
     """
+    steps = (output,) if isinstance(output, str) else tuple(output)
+    calling = Calling(call, dict(keywords or {}), steps, resolution)
 
     def decorate(builder: Builder) -> Builder:
         convention = InputConvention() if inputs is None else inputs
         _REGISTRY[name] = Architecture(
             name=name,
-            build=builder,
+            build=builder if calling == PLAIN else _adapted(builder, calling),
             blocks=blocks if callable(blocks) else lambda _options: blocks,
             inputs=convention if callable(convention) else lambda _options: convention,
             defaults=_defaults(name, builder),
-            version=version if version is not None else _source_digest(name, builder),
+            version=_version(name, builder, version, calling),
             optional=tuple(optional),
             constants=tuple(constants),
             dead=tuple(dead),
@@ -139,19 +160,157 @@ def register_architecture(
 
 
 def architecture(name: str) -> Architecture:
-    """The entry called ``name``.
+    """The entry called ``name``: registered here, in a file that --import named, or by an installed package.
 
     Raises:
         InputError: no such architecture; the nearest name is suggested.
     """
     if name not in _REGISTRY:
-        raise unknown_name("architecture", name, _REGISTRY)
+        for path in code.imported_files():
+            run(path, trusted=True)
+    if name not in _REGISTRY and ":" in name:
+        _from_run_files(name)
+    if name not in _REGISTRY and (found := code.declared(name)) is not None and name not in _REGISTRY:
+        _register_plainly(name, found)
+    if name not in _REGISTRY:
+        error = unknown_name("architecture", name, architectures())
+        raise InputError(f"{error}; is it your own? name its code: --import FILE, or module = in pool.toml")
     return _REGISTRY[name]
 
 
 def architectures() -> tuple[str, ...]:
-    """The names of all registered architectures, sorted."""
-    return tuple(sorted(_REGISTRY))
+    """The names of all registered architectures and of those that installed packages declare, sorted."""
+    return tuple(sorted({*_REGISTRY, *code.declared_names()}))
+
+
+def run(path: Path, *, trusted: bool = False) -> types.ModuleType:
+    """Run a file of the user's that registers architectures; what it registers carries the file's identity.
+
+    Raises:
+        InputError: as :func:`sfkit.architectures.code.run_file`.
+    """
+    before = dict(_REGISTRY)
+    ran, module = code.run_file(path, trusted=trusted)
+    _claim(ran, before)
+    return module
+
+
+def run_text(ran: Code) -> None:
+    """The same in a worker, from the text that another process ran."""
+    before = dict(_REGISTRY)
+    code.run_text(ran)
+    _claim(ran, before)
+
+
+def _claim(ran: Code, before: Mapping[str, Architecture]) -> None:
+    """Mark what a file registered; a file that was run before has its entries again."""
+    if ran.identity not in _CLAIMED:
+        fresh = {name: entry for name, entry in _REGISTRY.items() if before.get(name) is not entry}
+        _CLAIMED[ran.identity] = {name: _marked(entry, ran) for name, entry in fresh.items()}
+    _REGISTRY.update(_CLAIMED[ran.identity])
+
+
+def _marked(entry: Architecture, ran: Code) -> Architecture:
+    return replace(entry, code=ran, version=f"{entry.version}+{ran.identity}")
+
+
+def entry_for(name: str, module: Path | None = None, near: Path | None = None) -> Architecture:
+    """The architecture a ``pool.toml`` describes.
+
+    Args:
+        name: its name, or ``"my_net:MyNet"``: a class or function of a module.
+        module: the file that registers it.
+        near: the folder of ``pool.toml``, where a module may lie.
+
+    Raises:
+        InputError: it is not registered there, or its code is not trusted or fails.
+    """
+    if module is not None:
+        run(module)
+        if ":" not in name and name not in _REGISTRY:
+            raise InputError(f"{module}: does not register the architecture {name!r}, expected that name")
+    if ":" in name and name not in _REGISTRY:
+        _from_module(name, near)
+    return architecture(name)
+
+
+def _from_module(name: str, near: Path | None) -> None:
+    """Register ``module:Class``, where it is a file beside ``pool.toml`` or a module that can be imported."""
+    module_name, _, attribute = name.partition(":")
+    file = near / f"{module_name.replace('.', '/')}.py" if near is not None else None
+    if file is not None and file.is_file():
+        run(file)
+        _from_run_files(name)
+        return
+    code.ensure_module_trusted(module_name)
+    try:
+        module = importlib.import_module(module_name)
+    except ImportError as error:
+        raise InputError(f"architecture {name!r}: {module_name} cannot be imported ({error})") from error
+    _register_plainly(name, _attribute(name, module, attribute))
+
+
+def _from_run_files(name: str) -> None:
+    """Register ``module:Class`` from a file of that name that was run already."""
+    module_name, _, attribute = name.partition(":")
+    for ran, module in code.run_modules():
+        if ran.path.stem == module_name.rpartition(".")[2]:
+            before = dict(_REGISTRY)
+            _register_plainly(name, _attribute(name, module, attribute))
+            if name in _REGISTRY and before.get(name) is not _REGISTRY[name]:
+                _REGISTRY[name] = _marked(_REGISTRY[name], ran)
+                _CLAIMED.setdefault(ran.identity, {})[name] = _REGISTRY[name]
+
+
+def _attribute(name: str, module: types.ModuleType, attribute: str) -> object:
+    if not hasattr(module, attribute):
+        raise unknown_name(f"name in {name.partition(':')[0]}", attribute, vars(module))
+    return getattr(module, attribute)
+
+
+def _register_plainly(name: str, found: object) -> None:
+    """Register a class or builder that has no decorator; its blocks are its top-level modules.
+
+    One that was decorated keeps what its decorator said, under this name too.
+    """
+    if not callable(found):
+        return  # an entry point that names a module: importing it has registered what it has
+    same = next((entry for entry in _REGISTRY.values() if _inner(entry.build) is found), None)
+    if same is not None:
+        _REGISTRY[name] = replace(same, name=name)
+        return
+    register_architecture(name, blocks=lambda options: _top_level(found(**options)))(found)
+
+
+def _inner(builder: Callable[..., nn.Module]) -> object:
+    return getattr(builder, "__wrapped__", builder)
+
+
+def _top_level(network: nn.Module) -> Blocks:
+    children = {
+        n: [f"{n}.*"] for n, child in network.named_children() if any(True for _ in child.parameters())
+    }
+    return children or {"all": ["*"]}
+
+
+def _adapted(builder: Callable[..., nn.Module], calling: Calling) -> Callable[..., nn.Module]:
+    @functools.wraps(builder)
+    def build(**options: Any) -> nn.Module:
+        return calling.adapt(builder(**options))
+
+    return build
+
+
+def _version(
+    name: str,
+    builder: Callable[..., nn.Module],
+    said: str | None,
+    calling: Calling,
+) -> str:
+    version = said if said is not None else _source_digest(name, builder)
+    if calling == PLAIN:
+        return version
+    return f"{version}+{hashlib.sha256(repr(calling).encode()).hexdigest()[:8]}"
 
 
 def _defaults(name: str, builder: Callable[..., nn.Module]) -> dict[str, Any]:

@@ -3,7 +3,8 @@
 ::
 
     name = "garage"
-    architecture = "anynet"
+    architecture = "anynet"             # or "my_net:MyNet", a class in my_net.py beside this file
+    module = "nets/mine.py"             # optional; the Python file that registers it, which is run
     root = "${CHECKPOINTS}/garage"      # optional; the folder of pool.toml otherwise
 
     [options]                           # optional; the architecture's options
@@ -41,8 +42,9 @@ from typing import Any
 from sfkit.checkpoints.layouts import Wrapping
 from sfkit.errors import InputError, unknown_name
 
-_KEYS = ("name", "architecture", "root", "options", "base", "sources", "blocks", "container", "prefix")
-_MEMBER_KEYS = ("file", "licence", "note", "container", "prefix")
+_WRAPPING = ("container", "prefix")
+_KEYS = ("name", "architecture", "module", "root", "options", "base", "sources", "blocks", *_WRAPPING)
+_MEMBER_KEYS = ("file", "licence", "note", *_WRAPPING)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 
 
@@ -62,6 +64,7 @@ class PoolSpec:
     """A pool as its ``pool.toml`` describes it; no checkpoint has been opened yet.
 
     ``blocks`` names the blocks' keys, ``partition`` how to find them; at most one of the two is given.
+    ``module`` is the user's file that registers the architecture.
     """
 
     name: str
@@ -72,6 +75,7 @@ class PoolSpec:
     blocks: Mapping[str, tuple[str, ...]] | None = None
     path: Path | None = None
     partition: str | None = None
+    module: Path | None = None
 
 
 def read_pool_spec(path: str | Path) -> PoolSpec:
@@ -114,6 +118,7 @@ def _spec(values: dict[str, Any], path: Path) -> PoolSpec:
         blocks=None if isinstance(values.get("blocks"), str) else _blocks(values, path),
         path=path,
         partition=_text(values, "blocks", path) if isinstance(values.get("blocks"), str) else None,
+        module=path.parent.resolve() / _text(values, "module", path) if "module" in values else None,
     )
 
 
@@ -152,7 +157,7 @@ def _member(name: str, entry: object, root: Path, path: Path, where: str, common
 
 
 def _wrapping(values: Mapping[str, Any], path: Path, where: str, common: Wrapping) -> Wrapping:
-    said = {key: _text(values, key, path, where) for key in ("container", "prefix") if key in values}
+    said = {key: _text(values, key, path, where) for key in _WRAPPING if key in values}
     return replace(common, **said)
 
 

@@ -12,11 +12,13 @@ import typer
 
 import sfkit
 from sfkit.cli import bank, baselines, cache, data, demo, evaluate, merge, predict, report, runs, search, show
+from sfkit.cli import code as own_code
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
     name="sfkit",
     help="Merge stereo-matching networks: find which fine-tuned checkpoints to mix, and how.",
+    epilog=own_code.HELP,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -55,7 +57,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     2 for bad input, and 130 when interrupted.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    words = report.join_parameters(words) if words[:1] == ["report"] else words
     with warnings.catch_warnings():
         warnings.simplefilter("default", SfkitWarning)
         warnings.showwarning = _warn
@@ -64,7 +65,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _run(words: list[str]) -> int:
     try:
-        code = app(words, prog_name="sfkit", standalone_mode=False)
+        words, files, trusted = own_code.split(words)
+        words = report.join_parameters(words) if words[:1] == ["report"] else words
+        with own_code.running(files, trusted=trusted):
+            code = app(words, prog_name="sfkit", standalone_mode=False)
     except UsageError as error:
         return _refuse(getattr(error, "format_message", error.__str__)(), 2, usage=error)
     except (InputError, StoreError) as error:

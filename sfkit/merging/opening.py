@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from sfkit.architectures import architecture
+from sfkit.architectures.registry import entry_for
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.blocks import BlockPartition
@@ -55,7 +55,7 @@ def open_pool(
     spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
     wanted = spec.partition if blocks is None else blocks
     automatic = parse_partition(wanted) if isinstance(wanted, str) else None
-    entry = architecture(spec.architecture)
+    entry = entry_for(spec.architecture, spec.module, spec.path.parent if spec.path else None)
     options = entry.resolve(spec.options, near=spec.base.path)
     specs = skeleton(entry, options)
     partition = BlockPartition.of(spec.blocks or entry.blocks(options))

@@ -12,7 +12,8 @@ from typing import Any
 
 import torch
 
-from sfkit.architectures.registry import named
+from sfkit.architectures.code import Code
+from sfkit.architectures.registry import named, run_text
 from sfkit.checkpoints.spec import PoolSpec
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.errors import InputError, SfkitWarning
@@ -68,6 +69,7 @@ class WorkerPlan:
         spec: the pool's files; a worker opens them, which cached task vectors make cheap.
         preparation: what is done to the task vectors then.
         module: the module whose import registers the architecture.
+        code: the user's file that registers it, as it was run here.
         benchmark: its record; pairs in memory travel with it.
         quantities: what is counted of every image.
         mode: how forward passes compute.
@@ -79,6 +81,7 @@ class WorkerPlan:
     spec: PoolSpec
     preparation: tuple[Step, ...]
     module: str
+    code: Code | None
     benchmark: Benchmark
     quantities: Quantities
     mode: ForwardMode
@@ -108,7 +111,16 @@ class WorkerPlan:
             ensure_importable([getattr(metric.recorder, "__module__", None)], f"metric {metric.name!r}")
         found = identity(pool, benchmark)
         return cls(
-            pool.spec, pool.preparation, module, benchmark, quantities, mode, Numerics.here(), threads, found
+            pool.spec,
+            pool.preparation,
+            module,
+            pool.architecture.code,
+            benchmark,
+            quantities,
+            mode,
+            Numerics.here(),
+            threads,
+            found,
         )
 
     def open(self, device: str, pool: Pool | None = None) -> Worker:
@@ -134,11 +146,13 @@ class WorkerPlan:
         return Worker(LiveModel(opened, device=device, mode=self.mode), prepared)
 
     def register(self) -> None:
-        """Import what registers the architecture.
+        """Import, or run, what registers the architecture.
 
         Raises:
             InputError: it cannot be imported.
         """
+        if self.code is not None:
+            return run_text(self.code)
         try:
             importlib.import_module(self.module)
         except ImportError as error:
@@ -174,6 +188,8 @@ def module_of(pool: Pool) -> str:
     Raises:
         InputError: it was registered where no other process can import it from.
     """
+    if pool.architecture.code is not None:
+        return "sfkit"
     module = getattr(named(pool.architecture.build), "__module__", None)
     ensure_importable([module], f"architecture {pool.architecture.name!r}")
     return str(module)
