@@ -1,5 +1,6 @@
 """Architectures: the registry, and the networks that come with sfkit."""
 
+from sfkit.architectures import adapters
 from sfkit.architectures.anynet import AnyNet
 from sfkit.architectures.foundation_stereo import FoundationStereo
 from sfkit.architectures.inputs import InputConvention, PadSides, PreparedPair, Window
@@ -15,6 +16,7 @@ __all__ = [
     "PadSides",
     "PreparedPair",
     "Window",
+    "adapters",
     "architecture",
     "architectures",
     "register_architecture",

@@ -151,13 +151,15 @@ def import_from(folder: str | Path, module: str, attribute: str) -> Callable[...
     return found  # type: ignore[no-any-return]
 
 
-def tree_digest(folder: str | Path, pattern: str = "**/*.py") -> str:
+def tree_digest(folder: str | Path, below: str = ".") -> str:
     """Digest of a checkout's Python files; a changed checkout never meets the scores of its former self."""
     total = hashlib.sha256()
     root = Path(folder).expanduser()
-    for path in sorted(root.glob(pattern)):
-        total.update(f"{path.relative_to(root)}\0".encode())
-        total.update(path.read_bytes())
+    for path in sorted((root / below).rglob("*.py")):
+        name = path.relative_to(root).as_posix()
+        if "foundation" not in name.lower() and "/." not in f"/{name}":
+            total.update(f"{name}\0".encode())
+            total.update(path.read_bytes())
     return total.hexdigest()[:16]
 
 

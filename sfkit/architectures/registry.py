@@ -14,6 +14,7 @@ import functools
 import hashlib
 import importlib
 import inspect
+import os
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -57,6 +58,8 @@ class Architecture:
             (B, D, h, w) and summing to 1 over D; None where it has none.
         version: changes whenever the network's output changes; part of every evaluation's key.
         code: the user's file that registered it, None for what is imported by name.
+        checkout: options -> digest of the user's checkout that it is built from; part of every key.
+        places: options that name folders: they say where, not what, and are no part of keys.
     """
 
     name: str
@@ -74,6 +77,12 @@ class Architecture:
     beside: Callable[[Path], Options] | None = None
     matching: Matching | None = None
     code: Code | None = None
+    checkout: Callable[[Options], str] | None = None
+    places: tuple[str, ...] = ()
+
+    def version_of(self, options: Options) -> str:
+        """The version, with the state of the checkout it is built from, if it is."""
+        return self.version if self.checkout is None else f"{self.version}+{self.checkout(options)}"
 
     def is_optional(self, key: str) -> bool:
         """True for a key a checkpoint may lack, or have though the options leave that part out."""
@@ -94,7 +103,14 @@ class Architecture:
             if key not in self.defaults:
                 raise unknown_name(f"option of architecture {self.name!r}", key, self.defaults)
         found = self.beside(near) if self.beside is not None and near is not None else {}
-        return {**self.defaults, **found, **given}
+        resolved = {**self.defaults, **found, **given}
+        return {**resolved, **{key: _place(resolved[key], near) for key in self.places if resolved[key]}}
+
+
+def _place(text: str, near: Path | None) -> str:
+    """A folder as it was written, with variables and ``~``; else from the checkpoint's."""
+    path = Path(os.path.expandvars(text)).expanduser()
+    return str(path if near is None else near.absolute().parent / path)
 
 
 _REGISTRY: dict[str, Architecture] = {}
@@ -115,9 +131,11 @@ def register_architecture(
     beside: Callable[[Path], Options] | None = None,
     matching: Matching | None = None,
     call: str = "pair",
-    keywords: Mapping[str, Any] | None = None,
+    keywords: Mapping[str, Any] | Callable[[Options], Mapping[str, Any]] | None = None,
     output: str | Sequence[str] = "tensor",
     resolution: int = 1,
+    checkout: Callable[[Options], str] | None = None,
+    places: Iterable[str] = (),
     version: str | None = None,
 ) -> Callable[[Builder], Builder]:
     """Register an ``nn.Module`` class, or a function that builds one, under ``name``.
@@ -134,13 +152,14 @@ def register_architecture(
         InputError: an option has no default, the source cannot be read, or a word is unknown.
     """
     steps = (output,) if isinstance(output, str) else tuple(output)
-    calling = Calling(call, dict(keywords or {}), steps, resolution)
+    further = keywords if callable(keywords) else None
+    calling = Calling(call, {} if callable(keywords) else dict(keywords or {}), steps, resolution)
 
     def decorate(builder: Builder) -> Builder:
         convention = InputConvention() if inputs is None else inputs
         _REGISTRY[name] = Architecture(
             name=name,
-            build=builder if calling == PLAIN else _adapted(builder, calling),
+            build=builder if calling == PLAIN and further is None else _adapted(builder, calling, further),
             blocks=blocks if callable(blocks) else lambda _options: blocks,
             inputs=convention if callable(convention) else lambda _options: convention,
             defaults=_defaults(name, builder),
@@ -153,6 +172,8 @@ def register_architecture(
             check=check,
             beside=beside,
             matching=matching,
+            checkout=checkout,
+            places=tuple(places),
         )
         return builder
 
@@ -279,24 +300,30 @@ def _register_plainly(name: str, found: object) -> None:
     if same is not None:
         _REGISTRY[name] = replace(same, name=name)
         return
-    register_architecture(name, blocks=lambda options: _top_level(found(**options)))(found)
+    register_architecture(name, blocks=lambda options: top_level_blocks(found(**options)))(found)
 
 
 def _inner(builder: Callable[..., nn.Module]) -> object:
     return getattr(builder, "__wrapped__", builder)
 
 
-def _top_level(network: nn.Module) -> Blocks:
+def top_level_blocks(network: nn.Module) -> Blocks:
+    """A block for each module that the network itself names and that has parameters."""
     children = {
         n: [f"{n}.*"] for n, child in network.named_children() if any(True for _ in child.parameters())
     }
     return children or {"all": ["*"]}
 
 
-def _adapted(builder: Callable[..., nn.Module], calling: Calling) -> Callable[..., nn.Module]:
+def _adapted(
+    builder: Callable[..., nn.Module],
+    calling: Calling,
+    further: Callable[[Options], Mapping[str, Any]] | None,
+) -> Callable[..., nn.Module]:
     @functools.wraps(builder)
     def build(**options: Any) -> nn.Module:
-        return calling.adapt(builder(**options))
+        chosen = calling if further is None else replace(calling, keywords=further(options))
+        return chosen.adapt(builder(**options))
 
     return build
 

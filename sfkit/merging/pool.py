@@ -222,10 +222,11 @@ class Pool:
 
     def describe(self) -> dict[str, Any]:
         """The architecture with every option that changes its output; part of evaluation keys."""
+        options = {k: v for k, v in self.options.items() if k not in self.architecture.places}
         return {
             "name": self.architecture.name,
-            "version": self.architecture.version,
-            "options": json.loads(json.dumps(self.options, sort_keys=True)),
+            "version": self.architecture.version_of(self.options),
+            "options": json.loads(json.dumps(options, sort_keys=True)),
             "inputs": self.architecture.inputs(self.options).describe(),
         }
 

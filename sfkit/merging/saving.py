@@ -59,7 +59,7 @@ def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:
     values = {
         "recipe": signed.as_dict(),
         "pool": pool.name,
-        "architecture": {key: described[key] for key in ("name", "version", "options")},
+        "architecture": {**{key: described[key] for key in ("name", "version")}, "options": pool.options},
         "blocks": dict(zip(pool.blocks, map(list, pool.partition.patterns), strict=True)),
         "base": _member(pool.base),
         "sources": {name: _member(member) for name, member in members.items()},
