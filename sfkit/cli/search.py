@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,8 +41,6 @@ from sfkit.cli.outputs import check_folder, check_store
 from sfkit.cli.validation import (
     AlsoOption,
     CombineOption,
-    GenerationsOption,
-    PopulationOption,
     SeedOption,
     described,
     guides_of,
@@ -50,10 +49,12 @@ from sfkit.cli.validation import (
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import Compute
+from sfkit.evaluation.estimate import Estimate
 from sfkit.evaluation.holdout import LEAST
+from sfkit.merging import Pool
 from sfkit.merging.saving import read_recipe
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings, subset_of
-from sfkit.search.pipeline import Found, Plan, cost, search_pool, summary
+from sfkit.search.pipeline import METHODS, Found, Plan, cost, search_pool, summary
 from sfkit.search.records import Generation
 
 
@@ -69,12 +70,23 @@ def search(
     coding: CodingOption = None,
     every: EveryOption = None,
     seed: SeedOption = 0,
-    population: PopulationOption = 50,
-    generations: GenerationsOption = 15,
+    method: Annotated[
+        str,
+        typer.Option(help="paper: genetic algorithm, then CMA-ES; bayesian: a model of the score proposes."),
+    ] = "paper",
+    batch: Annotated[int, typer.Option(help="By bayesian: how many are proposed at a time.")] = 1,
+    population: Annotated[
+        int | None, typer.Option(help="Stage 1: subsets in a population; 50, by bayesian 8.")
+    ] = None,
+    generations: Annotated[
+        int | None, typer.Option(help="Stage 1: generations; 15, by bayesian 41 / batch.")
+    ] = None,
     survival: Annotated[
         str, typer.Option(help="Stage 1: tournament, as the paper, or truncation (best with population 20).")
     ] = "tournament",
-    evaluations: Annotated[int, typer.Option(help="Stage 2: evaluations; 0 leaves Stage 2 out.")] = 300,
+    evaluations: Annotated[
+        int | None, typer.Option(help="Stage 2: evaluations, 0 leaves it out; 300, by bayesian 80.")
+    ] = None,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
     block_specific: Annotated[
@@ -119,16 +131,16 @@ def search(
     \b
     Examples:
       sfkit search pool.toml -b eth3d -r ~/ETH3D -o runs/garage
+      sfkit search pool.toml -b eth3d -r ~/ETH3D --method bayesian --batch 4
       sfkit search pool.toml -b pairs -r ~/pairs --subset a,b --evaluations 200
       sfkit search pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst --holdout 0.5
     """
     plan = Plan(
         subset=_subset(subset, subset_from),
-        stage1=SubsetSettings(population=population, generations=generations, survival=survival, seed=seed),
+        stage1=SubsetSettings(survival=survival, seed=seed),
         stage2=None
         if evaluations == 0
         else RoutingSettings(
-            evaluations=evaluations,
             seed=seed,
             tied=not block_specific and rank is None,
             rank=rank,
@@ -139,6 +151,7 @@ def search(
         constraints=Constraints(names(include or ""), names(exclude or ""), largest, names(frozen or "")),
         start=read_recipe(start) if start is not None else None,
     )
+    plan = _sized(plan.by(method, batch), population, generations, survival, evaluations)
     compute = Compute(device_of(device), engine, workers)
     chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
     guides = guides_of(chosen, also, combine)
@@ -149,7 +162,10 @@ def search(
     with scoring(opened, guides, combine, kept_in, compute) as (evaluators, scorer):
         if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
             say(doubt)
-        say(f"cost: {cost(opened, evaluators, plan)}")
+        price = cost(opened, evaluators, plan)
+        say(f"cost: {price}")
+        if other := _other_cost(plan, price, opened):
+            say(other)
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
         found = search_pool(opened, scorer, plan, out, progress=_progress)
@@ -161,6 +177,31 @@ def search(
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
     text = _text(found, evaluators[0].metric, counts)
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
+
+
+def _sized(
+    plan: Plan, population: int | None, generations: int | None, survival: str, evaluations: int | None
+) -> Plan:
+    """The plan with the sizes that were named; the method's own for the others."""
+    stage1 = replace(
+        plan.stage1,
+        population=plan.stage1.population if population is None else population,
+        generations=plan.stage1.generations if generations is None else generations,
+        survival=survival,
+    )
+    stage2 = plan.stage2
+    if stage2 is not None and evaluations is not None:
+        stage2 = replace(stage2, evaluations=evaluations)
+    return replace(plan, stage1=stage1, stage2=stage2)
+
+
+def _other_cost(plan: Plan, price: Estimate, pool: Pool) -> str | None:
+    """What the method that was not chosen would cost with its own sizes; None where it cannot do the same."""
+    if plan.stage2 is not None and plan.stage2.holdout:
+        return None
+    other = next(method for method in METHODS if method != plan.method)
+    less = replace(price, evaluations=plan.by(other).evaluations(pool))
+    return f"by --method {other}: at most {less.evaluations} evaluations, {less.minutes:.1f} minutes"
 
 
 def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.evaluation.separation import all_identities, identities, seen_in
-from sfkit.evaluation.store import EvaluationStore
-
-HAND_EDIT = "hand edit"
+from sfkit.evaluation.store import HAND_EDIT, EvaluationStore
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,7 @@ class Evaluator:
         self._runner = Runner(pool, self.prepared, self.compute)
         if doubt := self.prepared.doubt():
             warnings.warn(doubt, SfkitWarning, stacklevel=2)
-        self._frame: dict[str, Any] = {
+        self.frame: dict[str, Any] = {
             "base": pool.base.fingerprint,
             "architecture": pool.describe(),
             "benchmark": benchmark.fingerprint(),
@@ -121,7 +121,7 @@ class Evaluator:
         """
         if pool is self.pool:
             return self
-        if pool.base.fingerprint != self._frame["base"] or pool.describe() != self._frame["architecture"]:
+        if pool.base.fingerprint != self.frame["base"] or pool.describe() != self.frame["architecture"]:
             raise InputError(
                 f"pool {pool.name!r}: has another base or architecture than pool {self.pool.name!r}, "
                 "expected the same: make a new Evaluator for it"
@@ -153,7 +153,7 @@ class Evaluator:
 
     def describe(self, recipe: Recipe) -> dict[str, Any]:
         """Everything that decides a recipe's scores, in content; its digest is the evaluation's key."""
-        return {**self._frame, "recipe": self.pool.canonical(recipe)}
+        return {**self.frame, "recipe": self.pool.canonical(recipe)}
 
     def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
         """One outcome a recipe, in order.
@@ -282,7 +282,7 @@ class CombinedScorer:
 
     def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
         return Outcome(
-            self._score([outcome.score for outcome in outcomes]),
+            self.combined([outcome.score for outcome in outcomes]),
             math.fsum(outcome.seconds for outcome in outcomes),
             all(outcome.cached for outcome in outcomes),
             next((outcome.error for outcome in outcomes if outcome.error), None),
@@ -294,11 +294,13 @@ class CombinedScorer:
         if any(outcome.failed for outcome in outcomes):
             return ()
         return tuple(
-            Part(self._score([part.guiding for part in split]), self._score([part.held for part in split]))
+            Part(
+                self.combined([part.guiding for part in split]), self.combined([part.held for part in split])
+            )
             for split in zip(*(outcome.parts for outcome in outcomes), strict=True)
         )
 
-    def _score(self, scores: Sequence[float]) -> float:
+    def combined(self, scores: Sequence[float]) -> float:
         """Mean or worst of the benchmarks that have a score; NaN stands for one without an image there."""
         known = [score for score in scores if not math.isnan(score)]
         if not known:

@@ -23,6 +23,7 @@ from sfkit.evaluation.file_systems import NETWORK_FILE_SYSTEMS, file_system
 from sfkit.evaluation.metrics import ImageErrors
 
 APPLICATION_ID = 0x73666B74  # "sfkt", in the file's header: tells a store from any other SQLite file
+HAND_EDIT = "hand edit"  # the mark of an evaluation that a person asked for
 SCHEMA_VERSION = 1
 OPEN_SECONDS = 60.0  # how long a process waits for another that holds the file
 _DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter where garbage stands in SQLite's message
@@ -149,6 +150,16 @@ class EvaluationStore:
         """All evaluations in the order they were first written."""
         query = f"SELECT {_COLUMNS} FROM evaluations ORDER BY number"
         return (self._evaluation(row) for row in self._rows(query, ()))
+
+    @property
+    def last(self) -> int:
+        """The number of the evaluation written last; 0 where there is none."""
+        return int(self._rows("SELECT COALESCE(MAX(number), 0) FROM evaluations", ())[0][0])
+
+    def until(self, number: int) -> Iterator[Evaluation]:
+        """The evaluations first written up to a number that :attr:`last` gave, in that order."""
+        query = f"SELECT {_COLUMNS} FROM evaluations WHERE number <= ? ORDER BY number"
+        return (self._evaluation(row) for row in self._rows(query, (number,)))
 
     def attempts(self, key: str) -> int:
         """How often the evaluation under ``key`` was computed and offered; 0 where there is none."""

@@ -6,6 +6,7 @@ A search proposes recipes and hears outcomes; it never touches a tensor or an im
     best = RoutingSearch(subset, pool.blocks, scorer).run()
 """
 
+from sfkit.evaluation.known import Known
 from sfkit.search.base import Search, SearchState
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
@@ -20,7 +21,7 @@ from sfkit.search.records import Candidate, Counts, Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.subset import SubsetSearch, SubsetState
-from sfkit.search.surrogate import Known, Prediction
+from sfkit.search.surrogate import Prediction
 
 __all__ = [
     "BayesianRoutingSearch",

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from sfkit.errors import InputError
+from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.checks import require_between, require_positive, require_whole
@@ -28,7 +30,6 @@ from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.surrogate import (
     NO_PREDICTION,
-    Known,
     Prediction,
     Surrogate,
     features,
@@ -71,7 +72,11 @@ class BayesianRoutingSettings(RoutingSettings):
         require_between("beta", self.beta, 0.0)
         require_whole("patience", self.patience, 1)
         require_positive("smallest", self.smallest)
-        require_between("holdout", self.holdout, 0.0, 0.0)
+        if self.holdout != 0:
+            raise InputError(
+                f"holdout: found {self.holdout!r}, expected 0: the model learns from all validation pairs; "
+                "use RoutingSettings (--method paper) to hold some out"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,3 +270,10 @@ class BayesianRoutingSearch(RoutingSearch):
             return np.zeros(len(draws))
         zero = self._state.candidates[0].outcome
         return np.array([self._penalty(x, self.encoding.decode(x), zero) for x in draws])
+
+    def _description(self) -> dict[str, Any]:
+        known = [
+            {"subset": entry.recipe.sources, "score": entry.score, "origin": entry.origin}
+            for entry in self.known
+        ]
+        return {**super()._description(), "method": "bayesian", "known": known}

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.acquisition import equal_weights, listed, smallest_bound
@@ -30,7 +31,6 @@ from sfkit.search.records import SubsetCandidate
 from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import (
     NO_PREDICTION,
-    Known,
     Prediction,
     Surrogate,
     features,
@@ -283,3 +283,10 @@ class BayesianSubsetSearch(SubsetSearch):
             return None
         pair = recipe_features([self.recipe(genes), recipe], self.sources, self.blocks)
         return genes if all(np.array_equal(group[0], group[1]) for group in pair) else None
+
+    def _description(self) -> dict[str, Any]:
+        known = [
+            {"subset": entry.recipe.sources, "score": entry.score, "origin": entry.origin}
+            for entry in self.known
+        ]
+        return {**super()._description(), "method": "bayesian", "known": known}

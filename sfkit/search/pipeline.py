@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from sfkit.errors import InputError, SfkitError
+from sfkit.errors import InputError, SfkitError, unknown_name
 from sfkit.evaluation.estimate import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.files import write_text
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.saving import origin_metadata, save_merged
+from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
@@ -23,6 +26,11 @@ from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingSettings
 from sfkit.search.subset import SubsetSearch
+
+METHODS = ("paper", "bayesian")
+"""Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
+_PROPOSED = BayesianSubsetSettings().generations
+_SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
 
 Progress = Callable[[str, Generation[Any]], None]
 
@@ -55,21 +63,84 @@ class Plan:
             )
 
     @property
-    def evaluations(self) -> int:
+    def method(self) -> str:
+        """Which of ``METHODS`` this is."""
+        models = (BayesianSubsetSettings, BayesianRoutingSettings)
+        return "bayesian" if isinstance(self.stage1, models) or isinstance(self.stage2, models) else "paper"
+
+    def evaluations(self, pool: Pool) -> int:
         """The most evaluations both stages can ask for."""
-        first = 0 if self.subset is not None else self.stage1.population * (self.stage1.generations + 1)
+        first = 0 if self.subset is not None else self.subset_search(pool, _nobody).most
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
-    def subset_search(self, pool: Pool, scorer: Scorer, journal: Journal | None = None) -> SubsetSearch:
+    def by(self, method: str, batch: int = 1) -> Plan:
+        """The same search by one of ``METHODS``, in that method's own sizes.
+
+        Args:
+            method: ``"paper"`` or ``"bayesian"``.
+            batch: candidates the latter proposes at a time.
+
+        Raises:
+            InputError: another word than these, or a hold-out for the latter.
+        """
+        if method not in METHODS:
+            raise unknown_name("method", method, METHODS)
+        seed, second = self.stage1.seed, self.stage2
+        stage1: SubsetSettings = SubsetSettings(seed=seed)
+        stage2: RoutingSettings | None = None
+        if method == "bayesian":
+            stage1 = BayesianSubsetSettings(seed=seed, generations=-(-_PROPOSED // batch), batch=batch)
+        if second is not None:
+            kept = {name: getattr(second, name) for name in _SHARED}
+            stage2 = RoutingSettings(**kept, holdout=second.holdout)
+            if method == "bayesian":
+                stage2 = BayesianRoutingSettings(**kept, holdout=second.holdout, batch=batch)
+        return replace(self, stage1=stage1, stage2=stage2)
+
+    def known(self, pool: Pool, scorer: Scorer) -> tuple[Known, ...]:
+        """What a model may learn from before it proposes anything; nothing for the paper's searches."""
+        if self.method == "paper":
+            return ()
+        told = {
+            "stage1": asdict(self.stage1),
+            "stage2": self.stage2 and asdict(self.stage2),
+            "subset": self.subset,
+            "constraints": asdict(self.constraints),
+            "start": self.start and self.start.as_dict(),
+        }
+        return known_evaluations(pool, scorer, told)
+
+    def subset_search(
+        self, pool: Pool, scorer: Scorer, journal: Journal | None = None, known: Sequence[Known] = ()
+    ) -> SubsetSearch:
         """Stage 1 of this plan, ready for its first step."""
-        return SubsetSearch(
-            pool.names, pool.blocks, scorer, self.stage1, constraints=self.constraints, journal=journal
-        )
+        names, limits = pool.names, self.constraints
+        if isinstance(self.stage1, BayesianSubsetSettings):
+            return BayesianSubsetSearch(
+                names, pool.blocks, scorer, self.stage1, constraints=limits, known=known, journal=journal
+            )
+        return SubsetSearch(names, pool.blocks, scorer, self.stage1, constraints=limits, journal=journal)
 
     def routing_search(
-        self, pool: Pool, subset: Sequence[str], scorer: Scorer, journal: Journal | None = None
+        self,
+        pool: Pool,
+        subset: Sequence[str],
+        scorer: Scorer,
+        journal: Journal | None = None,
+        known: Sequence[Known] = (),
     ) -> RoutingSearch:
         """Stage 2 of this plan over a subset, ready for its first step."""
+        if isinstance(self.stage2, BayesianRoutingSettings):
+            return BayesianRoutingSearch(
+                pool.subset(subset),
+                pool.blocks,
+                scorer,
+                self.stage2,
+                constraints=self.constraints,
+                start=self.start,
+                known=known,
+                journal=journal,
+            )
         return RoutingSearch(
             pool.subset(subset),
             pool.blocks,
@@ -96,6 +167,12 @@ class Plan:
             # Nobody knows images, and needs to hold none out to be asked for names and numbers.
             whole = replace(self, stage2=replace(self.stage2, holdout=0))
             whole.routing_search(pool, subset, _nobody)
+
+
+def _with_own(known: Sequence[Known], stage1: SubsetSearch) -> tuple[Known, ...]:
+    """What was known before, and what Stage 1 heard, each recipe once."""
+    own = [Known(c.recipe, c.score) for c in stage1.candidates if not (c.repeated or c.failed)]
+    return tuple({entry.recipe: entry for entry in (*known, *own)}.values())
 
 
 def _nobody(recipes: Sequence[Recipe]) -> Sequence[Outcome]:
@@ -148,16 +225,17 @@ def search_pool(
     plan.check(pool)
     folder.mkdir(parents=True, exist_ok=True)
     journal = Journal(folder / "journal.jsonl")
-    subset, first, second = plan.subset, None, None
+    subset, first, second, known = plan.subset, None, None, plan.known(pool, scorer)
     stage2: RoutingSearch | None = None
     if subset is None:
-        stage1 = plan.subset_search(pool, scorer, journal)
+        stage1 = plan.subset_search(pool, scorer, journal, known)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
         write_text(folder / "stage1.csv", stage1.history.to_csv(index=False))
         subset = first.subset
+        known = _with_own(known, stage1)
     best: SubsetCandidate | RoutingCandidate | None = first
     if plan.stage2 is not None:
-        stage2 = plan.routing_search(pool, subset, scorer, journal)
+        stage2 = plan.routing_search(pool, subset, scorer, journal, known)
         second = stage2.run(None if progress is None else lambda g: progress("Stage 2", g))
         write_text(folder / "stage2.csv", stage2.history.to_csv(index=False))
         best = second
@@ -190,9 +268,10 @@ def summary(pool: Pool, found: Found) -> dict[str, Any]:
 def cost(pool: Pool, evaluators: Sequence[Evaluator], plan: Plan, subset: Iterable[str] = ()) -> Estimate:
     """What the plan will cost at most: one timed evaluation on each validation benchmark."""
     recipe = pool.equal(*(plan.subset or tuple(subset) or pool.names))
-    parts = [estimate(evaluator, recipe, plan.evaluations) for evaluator in evaluators]
+    most = plan.evaluations(pool)
+    parts = [estimate(evaluator, recipe, most) for evaluator in evaluators]
     return Estimate(
-        plan.evaluations,
+        most,
         sum(part.seconds_each for part in parts),
         max(part.memory_bytes for part in parts),
         sum(part.images for part in parts),

@@ -16,21 +16,6 @@ LARGEST = 400
 
 
 @dataclass(frozen=True)
-class Known:
-    """A recipe that was scored before a search began, by whomever.
-
-    Attributes:
-        recipe: over sources of this pool and its blocks.
-        score: on the search's benchmark, lower is better.
-        origin: who asked for it, such as ``"hand edit"``; ``"search"`` where nobody said.
-    """
-
-    recipe: Recipe
-    score: float
-    origin: str = "search"
-
-
-@dataclass(frozen=True)
 class Prediction:
     """What the model said of a candidate before it was scored.
 

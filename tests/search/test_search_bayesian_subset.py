@@ -12,6 +12,7 @@ from search_landscapes import BLOCKS, Scorer, every_subset, names, subset_landsc
 
 from sfkit.bank.exhaustive import subset_scores
 from sfkit.errors import InputError
+from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search import Constraints, Journal, LiveSearch, read_journal
@@ -19,7 +20,6 @@ from sfkit.search.acquisition import equal_weights, listed, smallest_bound
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.operators import SubsetSpace
 from sfkit.search.progress import watched_progress
-from sfkit.search.surrogate import Known
 
 QUICK = BayesianSubsetSettings(population=6, generations=10)
 
