@@ -13,6 +13,8 @@ import nbformat
 import pandas as pd
 from commands import sfkit
 
+from sfkit.analysis.tables import markdown_lines
+
 
 @dataclass(frozen=True)
 class FullReport:
@@ -60,8 +62,7 @@ def markdown(table: pd.DataFrame, digits: int = 2) -> str:
         for name, row in zip(table.index, table.to_numpy(dtype=object), strict=True)
     ]
     numeric = [pd.api.types.is_numeric_dtype(table[column]) for column in table]
-    rule = ["---", *("--:" if is_number else "---" for is_number in numeric)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in [head, rule, *rows])
+    return markdown_lines(head, rows, [False, *numeric])
 
 
 def _cell(value: object, digits: int) -> str:

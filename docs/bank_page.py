@@ -16,9 +16,11 @@ from bank_pictures import strip, write_picture
 from bank_scores import UNIFORM, BankScores, bank_scores, benchmark_scores, network_recipes
 
 import sfkit.bank as bank
+from sfkit.analysis.tables import markdown_lines
 from sfkit.bank.plan import SLIM
 from sfkit.datasets.synthetic.domains import BASE, domains, worlds
 from sfkit.evaluation import EvaluationStore
+from sfkit.evaluation.separation import marked
 from sfkit.merging import Pool, open_pool
 
 PICTURES = Path("images") / "bank"
@@ -154,7 +156,7 @@ def _portrait(name: str, about: str) -> str:
 
 
 def _with_mean(benchmarks: pd.DataFrame) -> pd.DataFrame:
-    table = benchmarks.rename(columns={bank.VALIDATION: f"{bank.VALIDATION} *"})
+    table = benchmarks.rename(columns={bank.VALIDATION: marked(bank.VALIDATION, guided=True)})
     return table.assign(**{"mean of the unseen": benchmarks.drop(columns=bank.VALIDATION).mean(axis=1)})
 
 
@@ -185,8 +187,7 @@ def _trainings(trainings: Mapping[str, Any]) -> str:
 
 
 def _table(rows: Sequence[Sequence[str]]) -> str:
-    rule = ["---", *["---:"] * (len(rows[0]) - 1)]
-    return "\n".join("| " + " | ".join(row) + " |" for row in (rows[0], rule, *rows[1:]))
+    return markdown_lines(rows[0], rows[1:], [False, *(True for _ in rows[0][1:])])
 
 
 def conclusions(scores: BankScores) -> Iterator[str]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from published_claims import EXPERIMENTS, QUOTES, REMARKS, ROUNDING
 
+from sfkit.analysis.tables import markdown_lines
 from sfkit.published.tables import (
     BENCHMARKS,
     FOUNDATION_STEREO,
@@ -69,8 +70,8 @@ def _tables() -> Iterable[str]:
 def _markdown(table: PublishedTable) -> str:
     values, marks = table.values, table.marks
     head = [*map(str, values.index.names), *map(str, values.columns)]
-    rule = ["---"] * values.index.nlevels + ["--:"] * len(values.columns)
-    rows = [head, rule]
+    right = [False] * values.index.nlevels + [True] * len(values.columns)
+    rows = []
     for number, name in enumerate(values.index):
         names = [*name] if isinstance(name, tuple) else [name]
         cells = [
@@ -78,7 +79,7 @@ def _markdown(table: PublishedTable) -> str:
             for column in range(len(values.columns))
         ]
         rows.append([*(str(part).replace("*", "\\*") for part in names), *cells])
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+    return markdown_lines(head, rows, right)
 
 
 def _cell(value: object, mark: object) -> str:

@@ -10,7 +10,9 @@ import evidence_real
 import pandas as pd
 
 from sfkit.analysis.overfit import with_changes
+from sfkit.analysis.tables import markdown_lines
 from sfkit.bank import VALIDATION, benchmarks
+from sfkit.evaluation.separation import marked
 
 WORLDS = [name for name in benchmarks() if name != VALIDATION]
 
@@ -69,7 +71,7 @@ def _guards() -> str:
         for pairs, group in frame.groupby("pairs")
         for trial, part in group.groupby("trial", sort=False)
     ]
-    return f"{GUARDS}\n\n{_table(('pairs', 'Stage 2', *COLUMNS), rows)}"
+    return f"{GUARDS}\n\n{markdown_lines(('pairs', 'Stage 2', *COLUMNS), rows)}"
 
 
 def _course() -> str:
@@ -80,7 +82,7 @@ def _course() -> str:
     rows = [
         (pairs, spent, *_columns(part)) for (pairs, spent), part in frame.groupby(["pairs", "evaluations"])
     ]
-    return f"{COURSE}\n\n{_table(('pairs', 'evaluations', *COLUMNS), rows)}"
+    return f"{COURSE}\n\n{markdown_lines(('pairs', 'evaluations', *COLUMNS), rows)}"
 
 
 def _routing(prefix: str, text: str) -> str:
@@ -88,7 +90,7 @@ def _routing(prefix: str, text: str) -> str:
     if frame.empty:
         return ""
     rows = [(trial, *_columns(part)) for trial, part in frame.groupby("trial", sort=False)]
-    return f"{text}\n\n{_table(('Stage 2', *COLUMNS), rows)}"
+    return f"{text}\n\n{markdown_lines(('Stage 2', *COLUMNS), rows)}"
 
 
 def _real() -> str:
@@ -101,11 +103,11 @@ def _real() -> str:
         group = frame[frame["how"] == how]
         for trial, part in group.groupby("trial", sort=False):
             changes = {name: (part[name] - part[f"{name}:equal"]).mean() for name in pairs}
-            marked = [f"{change:+.2f}{' *' * (name in seen)}" for name, change in changes.items()]
+            cells = [marked(f"{change:+.2f}", guided=name in seen) for name, change in changes.items()]
             unseen = [change for name, change in changes.items() if name not in seen]
-            rows.append((how, trial, *marked, f"{sum(unseen) / len(unseen):+.2f}", len(part)))
+            rows.append((how, trial, *cells, f"{sum(unseen) / len(unseen):+.2f}", len(part)))
     names: Sequence[str] = ("guided by", "Stage 2", *pairs, "unseen, mean", "runs")
-    return f"{REAL}\n\n{_table(names, rows)}"
+    return f"{REAL}\n\n{markdown_lines(names, rows)}"
 
 
 REAL = f"""### The real AnyNet pool
@@ -130,9 +132,3 @@ def _columns(part: pd.DataFrame) -> tuple[str, str, str, str]:
     validation = "" if part["change"].isna().all() else f"{part['change'].mean():+.2f}"
     new, other = (f"{part[n].mean():+.2f} ({(part[n] < 0).sum()} of {len(part)})" for n in ("new", "unseen"))
     return validation, new, other, f"{part['distance'].mean():.2f}"
-
-
-def _table(names: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    lines = ["| " + " | ".join(names) + " |", "| " + " | ".join("---" for _ in names) + " |"]
-    lines += ["| " + " | ".join(map(str, row)) + " |" for row in rows]
-    return "\n".join(lines)

@@ -10,6 +10,8 @@ from pathlib import Path
 import pandas as pd
 from commands import sfkit
 
+from sfkit.analysis.tables import markdown_lines
+
 ROOT = Path(__file__).parents[2]
 PAIRS = {"motorcycle": "npz:arr_0", "cones": "png8:4", "reindeer": "png8:2"}
 
@@ -62,5 +64,4 @@ def markdown(table: pd.DataFrame) -> str:
         [str(name), *(f"{value:.2f}" for value in row)]
         for name, row in zip(table.index, table.to_numpy(), strict=True)
     ]
-    lines = [head, ["---", *("--:" for _ in table)], *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return markdown_lines(head, rows, [False, *(True for _ in table)])

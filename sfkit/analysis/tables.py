@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -154,9 +154,17 @@ def markdown_table(
     names = _names(table)
     body = _cells(table, ranks(table, along=along, columns=columns), digits, _MARKDOWN)
     head = [*names[0], *map(_heading, table.columns)]
-    rule = ["---"] * len(names[0]) + ["--:" if _numeric(table[c]) else "---" for c in table.columns]
-    rows = [head, rule, *([*name, *cells] for name, cells in zip(names[1:], body, strict=True))]
-    return "\n".join("| " + " | ".join(row) + " |" for row in rows) + "\n"
+    right = [False] * len(names[0]) + [_numeric(table[c]) for c in table.columns]
+    rows = [[*name, *cells] for name, cells in zip(names[1:], body, strict=True)]
+    return markdown_lines(head, rows, right) + "\n"
+
+
+def markdown_lines(
+    head: Sequence[str], rows: Iterable[Sequence[object]], right: Sequence[bool] | None = None
+) -> str:
+    """Rows of text as a Markdown table, as they are; ``right`` says which columns stand right."""
+    rule = ["--:" if one else "---" for one in right or [False] * len(head)]
+    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (head, rule, *rows))
 
 
 def _names(table: pd.DataFrame) -> list[list[str]]:

@@ -67,7 +67,7 @@ def test_markdown_by_hand() -> None:
     table = pd.DataFrame({"a": [1.25, 2.0], "b": [3.0, 4.0]}, index=["x", "b"])
     assert markdown(table, bold=True).splitlines() == [
         "| network | a | b |",
-        "| --- | ---: | ---: |",
+        "| --- | --: | --: |",
         "| x | 1.2 | 3.0 |",
         "| b | 2.0 | **4.0** |",
     ]
