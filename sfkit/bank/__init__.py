@@ -6,13 +6,16 @@ Everything comes from seeds: ``sfkit bank build`` makes it again (see :mod:`sfki
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from sfkit.bank.build import build
 from sfkit.bank.plan import BANK, bank_plan, banks
 from sfkit.bank.rendered import benchmark, benchmarks, held_out
 from sfkit.datasets.benchmark import register_benchmarks
 from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
+from sfkit.errors import InputError
 from sfkit.merging.opening import register_pool
 
 __all__ = [
@@ -25,6 +28,7 @@ __all__ = [
     "held_out",
     "pool_path",
     "training_seconds",
+    "worlds",
 ]
 
 
@@ -45,6 +49,31 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
     """
     records = json.loads((pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
     return {source: float(r["cpu_seconds"]) for source, r in records.items() if source != BASE.name}
+
+
+def worlds(
+    pool: object, benchmark: str | None, report_on: Sequence[str | Mapping[str, Any]] | None = None
+) -> tuple[str, list[str | Mapping[str, Any]]]:
+    """What guides and what tests a pool: what is named, and for the bank's own pools its worlds by default.
+
+    Args:
+        pool: a bank's name, or what :func:`sfkit.open_pool` takes besides.
+        benchmark: what guides; None where nothing was named.
+        report_on: what tests; None where nothing was named.
+
+    Raises:
+        InputError: a pool of one's own and no benchmark: rendered worlds say nothing of it.
+    """
+    own = pool not in banks()
+    if benchmark is None and own:
+        raise InputError(
+            f"benchmark is missing: pool {str(pool)!r} is none of the bank's ({', '.join(banks())}), whose "
+            "rendered worlds would say nothing of it; name what guides the search, such as eth3d with "
+            "benchmark_root ~/ETH3D, and in report_on what tests it"
+        )
+    unseen = () if own else (f"{BANK.name}:{name}" for name in benchmarks() if name != VALIDATION)
+    tests: list[str | Mapping[str, Any]] = [*(unseen if report_on is None else report_on)]
+    return benchmark or f"{BANK.name}:{VALIDATION}", tests
 
 
 for _name in banks():

@@ -24,7 +24,7 @@ def open_source_data(
     Raises:
         InputError: another word, or as :func:`sfkit.open_benchmarks` says.
     """
-    if isinstance(entries, str):
+    if not isinstance(entries, Mapping):
         if entries != BANK.name:
             raise InputError(f"source data: found {entries!r}, expected 'bank', or source -> benchmark")
         return {name: bank.held_out(name, pairs) for name in bank.training_seconds()}
