@@ -87,7 +87,7 @@ class ComparedNetwork:
         guided, unseen = self.guided_difference, self.unseen_difference
         if guided is None or unseen is None:
             return False
-        return guided.value < 0.0 and guided.within_noise is not True and unseen.value >= 0.0
+        return guided.value < 0.0 and guided.within_noise is False and unseen.value >= 0.0
 
     @property
     def outdoes_on_unseen(self) -> bool:
@@ -95,7 +95,7 @@ class ComparedNetwork:
         guided, unseen = self.guided_difference, self.unseen_difference
         if guided is None or unseen is None:
             return False
-        return guided.value > 0.0 and guided.within_noise is not True and unseen.value <= 0.0
+        return guided.value > 0.0 and guided.within_noise is False and unseen.value <= 0.0
 
     @property
     def sentences(self) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
     """Equal weights: {one, five} is 3, nearest to what guides; {one, ten} 5.5, {five, ten} 7.5, all 5.33."""
     return Experiment(
         pool=open_pool(flat_spec(tmp_path_factory.mktemp("pool"), LEVELS, base=4.5)),
-        validation=benchmark("guide", (3.1, 3.15), metric="epe"),
+        validation=benchmark("guide", tuple(3.1 + n / 100 for n in range(6)), metric="epe"),
         reported=(
             benchmark("near", tuple(2.0 + n / 100 for n in range(12)), metric="epe"),
             benchmark("far", tuple(1.2 + n / 100 for n in range(12)), metric="epe"),
@@ -85,7 +85,7 @@ def test_the_summary_says_what_the_tables_say(found: Study) -> None:
     said = " ".join(summary(found))
     assert said.startswith(f"**Stage 2 is not supported here: take {found.chosen}.** Stage 1+2, seed ")
     assert (
-        "scores lowest on guide (2 pairs), which chose it, but on what guided nothing (near, far) it is"
+        "scores lowest on guide (6 pairs), which chose it, but on what guided nothing (near, far) it is"
         in said
     )
     assert "(near, far; 24 images)" in said
@@ -114,7 +114,7 @@ def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experime
     assert [name.split()[0] for name in table.columns if name.endswith("*")] == ["guide", "near"]
     assert table.loc["uniform", "mean of unseen [px]"] == pytest.approx((1 + 5 + 10) / 3 - 1.255, abs=1e-5)
     said = summary(edited)
-    assert "on guide (2 pairs), chosen among 2 networks there" in said[0]
+    assert "on guide (6 pairs), chosen among 2 networks there" in said[0]
     assert said[2].startswith("Warning: near: 1 recipe edited by hand was scored on 12 of its pairs")
     roles = edited.experiment.scores({"base": experiment.pool.base_recipe()}).set_index("benchmark")["role"]
     assert roles.to_dict() == {"guide": "validation", "near": "validation", "far": "reported"}
@@ -122,7 +122,7 @@ def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experime
 
 def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None:
     costs = found.cost_table()
-    assert costs.loc["uniform", ["evaluations", "image passes"]].tolist() == [1, 2]
+    assert costs.loc["uniform", ["evaluations", "image passes"]].tolist() == [1, 6]
     assert costs.loc["Stage 1", "evaluations"] == 4  # all subsets of two or more
     sources = found.sources_table()
     assert list(sources.index) == ["base", *LEVELS]
