@@ -7,53 +7,34 @@ from __future__ import annotations
 
 import os
 import pickle
-import time
-import warnings
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing import connection
 from pathlib import Path
 
 import torch
 
-from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.errors import InputError
 from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.engines.child import Here, Ready, Refused
-from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
+from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Crew, Death, ParallelEngine, Seat, Task
 from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
-from sfkit.evaluation.engines.schedule import TRIES
 from sfkit.evaluation.engines.spawned import Spawned, stop
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.pool import Pool
 
-LOOK_SECONDS = 5.0  # a channel shows a worker's end, unless a process forked off this one holds it too
-
 
 @dataclass(eq=False)
-class Seat:
-    """A place for one worker after the other on one device.
-
-    Attributes:
-        device: of its workers.
-        process: the worker now.
-        deadline: when it must be ready, on the monotonic clock.
-        ready: whether it takes tasks.
-        task: what it does now.
-        failures: workers in a row that never got ready.
-    """
+class ProcessSeat(Seat):
+    """A seat on one device, and the process that works there now."""
 
     device: str
-    process: Spawned
-    deadline: float
-    ready: bool = False
-    task: Task | None = None
-    failures: int = 0
+    process: Spawned = field(init=False)
 
 
-@dataclass(eq=False)
-class ProcessCrew:
+class ProcessCrew(Crew[ProcessSeat]):
     """Spawned processes on this machine.
 
     Args:
@@ -65,36 +46,29 @@ class ProcessCrew:
         InputError: the plan cannot be sent to another process.
     """
 
-    plan: WorkerPlan
-    devices: tuple[str, ...]
-    start_seconds: float = START_SECONDS
-    _seats: list[Seat] = field(init=False)
-    _running: list[Spawned] = field(init=False, default_factory=list)
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self, plan: WorkerPlan, devices: Sequence[str], start_seconds: float = START_SECONDS
+    ) -> None:
+        super().__init__(start_seconds)
+        self.plan = plan
         self._folder = Path.cwd()
-        self._orders = {device: self._pickled(device) for device in self.devices}
+        self._orders = {device: self._pickled(device) for device in devices}
+        self._running: list[Spawned] = []
         self._end = weakref.finalize(self, stop, self._running)
-        self._seats = [Seat(device, *self._start()) for device in self.devices]
-
-    @property
-    def size(self) -> int:
-        """How many workers take part."""
-        return len(self._seats)
+        self._seats = [ProcessSeat(device) for device in devices]
+        for seat in self._seats:
+            self._occupy(seat)
 
     @property
     def pids(self) -> tuple[int, ...]:
         """The process numbers of the workers."""
         return tuple(process.pid for process in self._running)
 
-    def free(self) -> list[int]:
-        """The seats whose workers wait for a task."""
-        return [n for n, seat in enumerate(self._seats) if seat.ready and seat.task is None]
-
-    def give(self, seat: int, task: Task) -> None:
+    def give(self, number: int, task: Task) -> None:
         """Give a free seat a task."""
-        self._seats[seat].task = task
-        self._seats[seat].process.send((task.recipe, task.part.start, task.part.stop))
+        seat = self._seats[number]
+        seat.task = task
+        seat.process.send((task.recipe, task.part.start, task.part.stop))
 
     def events(self) -> Iterator[Answer | Death]:
         """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
@@ -104,15 +78,15 @@ class ProcessCrew:
                 yield from self._listen(seat)
             elif not seat.process.running and not seat.process.channel.poll():
                 yield from self._bury(seat, seat.process.ended())
-            elif not seat.ready and time.monotonic() > seat.deadline:
+            elif seat in self._late():
                 seat.process.kill()
-                yield from self._bury(seat, f"was not ready after {self.start_seconds:g} s")
+                yield from self._bury(seat, f"was not ready after {self._start_seconds:g} s")
 
     def close(self) -> None:
         """End all workers."""
         self._end()
 
-    def _listen(self, seat: Seat) -> Iterator[Answer | Death]:
+    def _listen(self, seat: ProcessSeat) -> Iterator[Answer | Death]:
         try:
             message = seat.process.channel.recv()
         except (EOFError, OSError):
@@ -121,42 +95,24 @@ class ProcessCrew:
         if isinstance(message, Here):
             seat.process.send_pickled(self._orders[seat.device])
         elif isinstance(message, Ready):
-            seat.ready, seat.failures = True, 0
+            self._welcome(seat)
         elif isinstance(message, Refused):
             raise InputError(message.why)
         elif isinstance(message, Result) and seat.task is not None:
             task, seat.task = seat.task, None
             yield Answer(task, message)
 
-    def _bury(self, seat: Seat, how: str) -> Iterator[Death]:
-        """Replace a dead worker; a seat on which none gets ready is given up."""
+    def _hire(self, seat: ProcessSeat) -> None:
+        seat.process = Spawned(self.plan.threads, self._folder)
+        self._running.append(seat.process)
+
+    def _dismiss(self, seat: ProcessSeat) -> None:
         seat.process.release()
         self._running.remove(seat.process)
-        task, seat.task = seat.task, None
-        seat.failures = 0 if seat.ready else seat.failures + 1
-        if seat.failures < TRIES:
-            seat.process, seat.deadline = self._start()
-            seat.ready = False
-        else:
-            self._give_up(seat, how)
-        if task is not None:
-            yield Death(task, how)
 
-    def _give_up(self, seat: Seat, how: str) -> None:
-        self._seats.remove(seat)
-        said = f"{TRIES} workers in a row on {seat.device} did not get ready, the last {how}"
-        if not self._seats:
-            raise SfkitError(f"engine 'processes': {said}; what they wrote on standard error says more")
-        warnings.warn(f"{said}: going on with {self.size} of them", SfkitWarning, stacklevel=2)
-
-    def _start(self) -> tuple[Spawned, float]:
-        process = Spawned(self.plan.threads, self._folder)
-        self._running.append(process)
-        return process, time.monotonic() + self.start_seconds
-
-    def _patience(self) -> float:
-        due = [seat.deadline - time.monotonic() for seat in self._seats if not seat.ready]
-        return max(0.0, min([LOOK_SECONDS, *due]))
+    def _given_up(self, seat: ProcessSeat) -> tuple[str, str]:
+        wrote = "what they wrote on standard error says more"
+        return f"workers in a row on {seat.device}", f"engine 'processes': {{}}; {wrote}"
 
     def _pickled(self, device: str) -> bytes:
         try:

@@ -8,24 +8,20 @@ CPUs only, on no GPU yet.
 from __future__ import annotations
 
 import sys
-import time
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.compute import Compute, ensure_ray
-from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Death, ParallelEngine, Task
+from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Crew, Death, ParallelEngine, Seat, Task
 from sfkit.evaluation.engines.parcel import PoolParcel, in_memory
 from sfkit.evaluation.engines.plan import WorkerPlan
-from sfkit.evaluation.engines.schedule import TRIES
 from sfkit.evaluation.engines.worker import Result, Worker
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
-
-LOOK_SECONDS = 5.0
 
 
 @dataclass(frozen=True)
@@ -54,27 +50,14 @@ class RayWorker:
 
 
 @dataclass(eq=False)
-class Seat:
-    """A place for one actor after the other.
+class RaySeat(Seat):
+    """A seat, the actor that works there now, and what it was last asked for (None while it waits)."""
 
-    Attributes:
-        actor: the handle now.
-        pending: what it was last asked for; None while it waits for a task.
-        deadline: when it must be ready, on the monotonic clock.
-        ready: whether it takes tasks.
-        task: what it does now.
-        failures: actors in a row that never got ready.
-    """
-
-    actor: Any
-    pending: Any
-    deadline: float
-    ready: bool = False
-    task: Task | None = None
-    failures: int = 0
+    actor: Any = None
+    pending: Any = None
 
 
-class RayCrew:
+class RayCrew(Crew[RaySeat]):
     """Actors on a Ray cluster; connects to the one there is, or starts one on this machine.
 
     Args:
@@ -89,29 +72,22 @@ class RayCrew:
     def __init__(self, order: Order, workers: int | None, start_seconds: float) -> None:
         import ray
 
+        super().__init__(start_seconds)
         self._ray: Any = ray
-        self._start_seconds = start_seconds
         self._owns_ray = not ray.is_initialized()
         if self._owns_ray:
             _connect(ray)
         self._gpus = 1 if order.device == "cuda" else 0
         self._order = ray.put(order)
-        self._seats = [Seat(*self._start()) for _ in range(workers or self._places())]
+        self._seats = [RaySeat() for _ in range(workers or self._places())]
+        for seat in self._seats:
+            self._occupy(seat)
 
-    @property
-    def size(self) -> int:
-        """How many workers take part."""
-        return len(self._seats)
-
-    def free(self) -> list[int]:
-        """The seats whose workers wait for a task."""
-        return [n for n, seat in enumerate(self._seats) if seat.ready and seat.task is None]
-
-    def give(self, seat: int, task: Task) -> None:
+    def give(self, number: int, task: Task) -> None:
         """Give a free seat a task."""
-        place = self._seats[seat]
-        place.task = task
-        place.pending = place.actor.part.remote(task.recipe, task.part.start, task.part.stop)
+        seat = self._seats[number]
+        seat.task = task
+        seat.pending = seat.actor.part.remote(task.recipe, task.part.start, task.part.stop)
 
     def events(self) -> Iterator[Answer | Death]:
         """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
@@ -119,21 +95,20 @@ class RayCrew:
         done, _ = self._ray.wait(list(pending), num_returns=1, timeout=self._patience())
         for reference in done:
             yield from self._listen(pending[reference])
-        for seat in tuple(self._seats):
-            if not seat.ready and time.monotonic() > seat.deadline:
-                need = "GPU" if self._gpus else "CPU"
-                how = f"was not ready after {self._start_seconds:g} s, is a {need} free for it?"
-                yield from self._bury(seat, how)
+        for seat in self._late():
+            need = "GPU" if self._gpus else "CPU"
+            how = f"was not ready after {self._start_seconds:g} s, is a {need} free for it?"
+            yield from self._bury(seat, how)
 
     def close(self) -> None:
         """End all workers, and Ray where this crew started it."""
         for seat in self._seats:
-            self._ray.kill(seat.actor)
+            self._dismiss(seat)
         self._seats = []
         if self._owns_ray:
             self._ray.shutdown()
 
-    def _listen(self, seat: Seat) -> Iterator[Answer | Death]:
+    def _listen(self, seat: RaySeat) -> Iterator[Answer | Death]:
         try:
             message = self._ray.get(seat.pending)
         except self._ray.exceptions.RayTaskError as error:
@@ -144,43 +119,25 @@ class RayCrew:
             yield from self._bury(seat, _ended(error))
         else:
             seat.pending, task, seat.task = None, seat.task, None
-            seat.ready, seat.failures = True, 0
+            self._welcome(seat)
             if task is not None:
                 yield Answer(task, message)
 
-    def _bury(self, seat: Seat, how: str) -> Iterator[Death]:
-        """Replace a dead worker; a seat on which none gets ready is given up."""
-        self._ray.kill(seat.actor)
-        task, seat.task = seat.task, None
-        seat.failures = 0 if seat.ready else seat.failures + 1
-        if seat.failures < TRIES:
-            seat.actor, seat.pending, seat.deadline = self._start()
-            seat.ready = False
-        else:
-            self._give_up(seat, how)
-        if task is not None:
-            yield Death(task, how)
-
-    def _give_up(self, seat: Seat, how: str) -> None:
-        self._seats.remove(seat)
-        said = f"{TRIES} Ray workers in a row did not get ready, the last {how}"
-        if not self._seats:
-            raise SfkitError(f"engine 'ray': {said}")
-        warnings.warn(f"{said}: going on with {self.size} of them", SfkitWarning, stacklevel=2)
-
-    def _start(self) -> tuple[Any, Any, float]:
+    def _hire(self, seat: RaySeat) -> None:
         remote = self._ray.remote(RayWorker)
         options = {"num_cpus": 1, "num_gpus": self._gpus, "max_restarts": 0, "scheduling_strategy": "SPREAD"}
-        actor = remote.options(**options).remote()
-        return actor, actor.open.remote(self._order), time.monotonic() + self._start_seconds
+        seat.actor = remote.options(**options).remote()
+        seat.pending = seat.actor.open.remote(self._order)
+
+    def _dismiss(self, seat: RaySeat) -> None:
+        self._ray.kill(seat.actor)
+
+    def _given_up(self, seat: RaySeat) -> tuple[str, str]:
+        return "Ray workers in a row", "engine 'ray': {}"
 
     def _places(self) -> int:
         resources = self._ray.cluster_resources()
         return max(1, int(resources.get("GPU" if self._gpus else "CPU", 0)))
-
-    def _patience(self) -> float:
-        due = [seat.deadline - time.monotonic() for seat in self._seats if not seat.ready]
-        return max(0.0, min([LOOK_SECONDS, *due]))
 
 
 def ray_engine(
