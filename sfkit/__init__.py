@@ -39,7 +39,7 @@ from sfkit.evaluation import (
 from sfkit.evaluation.stereo_model import Disparity, StereoModel, load
 from sfkit.merging import LiveModel, Pool, Recipe, open_pool, routed
 from sfkit.merging.network import load_network
-from sfkit.merging.preparation import prepare, prepared_for
+from sfkit.merging.prepare import prepare, prepared_for
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
 from sfkit.merging.steps import Drop, Elect, FisherMean, Mean, Trim
 from sfkit.search import (

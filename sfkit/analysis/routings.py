@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sfkit.analysis.thinning import LIMIT, drawn_points
+from sfkit.analysis.drawn_points import LIMIT, drawn_points
 from sfkit.errors import InputError
 from sfkit.search.journal import JournalledSearch, journalled_score
 from sfkit.search.routing import RoutingSearch

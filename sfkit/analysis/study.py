@@ -29,7 +29,7 @@ SEEDED = ("stage1", "stage1_2")
 """Methods that are run once a seed."""
 BASE = "base"
 
-Progress = Callable[[str], None]
+LineCallback = Callable[[str], None]
 """Hears what begins."""
 
 
@@ -196,7 +196,7 @@ def study(
     methods: Iterable[str] | None = None,
     reference: str | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
-    progress: Progress = lambda _line: None,
+    progress: LineCallback = lambda _line: None,
 ) -> Study:
     """Run every method, and measure all their networks on every benchmark.
 
@@ -235,7 +235,7 @@ def _run(
     methods: Iterable[str] | None,
     tests: Sequence[Evaluator],
     settings: Mapping[str, Mapping[str, Any]] | None,
-    progress: Progress,
+    progress: LineCallback,
 ) -> BaselineRun:
     def heard(label: str, done: int, total: int) -> None:
         if label:
@@ -260,7 +260,7 @@ def _seeded(
     run: BaselineRun,
     seeds: Sequence[int],
     settings: Mapping[str, Mapping[str, Any]] | None,
-    progress: Progress,
+    progress: LineCallback,
 ) -> dict[str, BaselineResult]:
     """Results by network name; the stages once a seed."""
     again = [name for name in SEEDED if name in run.results]

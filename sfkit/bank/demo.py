@@ -30,7 +30,7 @@ from sfkit.search.records import Generation, SubsetCandidate
 
 NOTEBOOK = "01_quickstart"
 
-Progress = Callable[[str, int, int, str], None]
+StepCallback = Callable[[str, int, int, str], None]
 """What is going on, how much of it is done, of how much, and the best so far."""
 
 
@@ -84,7 +84,7 @@ def demo(
     seed: int = 0,
     budget: Budget = Budget(),
     with_report: bool = True,
-    progress: Progress = lambda *_: None,
+    progress: StepCallback = lambda *_: None,
 ) -> Demo:
     """Search the bank's 11 sources on the quick validation pairs, then test on the unseen benchmarks.
 
@@ -158,7 +158,7 @@ def _score_members(path: Path, name: str) -> None:
 class _Steps:
     """The progress of a search as the demo shows it."""
 
-    def __init__(self, budget: Budget, show: Progress) -> None:
+    def __init__(self, budget: Budget, show: StepCallback) -> None:
         self._of = {"Stage 1": budget.subsets, "Stage 2": budget.evaluations}
         self._show = show
 
@@ -174,7 +174,7 @@ def _single_best(pool: Pool, scorer: Evaluator) -> str:
     return ranked[0][1]
 
 
-def _report(out: Path, seed: int, budget: Budget, progress: Progress) -> Path:
+def _report(out: Path, seed: int, budget: Budget, progress: StepCallback) -> Path:
     from sfkit.reports import (  # Jupyter takes seconds to import: only who wants a report waits
         notebook_path,
         report,

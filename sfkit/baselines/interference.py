@@ -11,7 +11,7 @@ from sfkit.baselines.registry import Choice, Network, baseline
 from sfkit.baselines.trials import Trials, best_of
 from sfkit.errors import InputError
 from sfkit.merging.pool import Pool
-from sfkit.merging.preparation import prepare
+from sfkit.merging.prepare import prepare
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.sparsity import Thresholds
 from sfkit.merging.steps import Drop, Elect, Mean, Step, Trim

@@ -11,7 +11,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.gradients import GradientModel, fisher_information, matching_entropy
 from sfkit.merging.blocks import OUTSIDE
 from sfkit.merging.pool import Pool
-from sfkit.merging.preparation import measured, prepare
+from sfkit.merging.prepare import measured, prepare
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.steps import FisherMean
 

@@ -16,7 +16,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe, open_pool
-from sfkit.merging.preparation import prepared_for
+from sfkit.merging.prepare import prepared_for
 from sfkit.merging.saving import read_recipe
 from sfkit.search import subset_of, transfer
 
@@ -159,7 +159,7 @@ def prepared(name: str, pool: Pool, recipe: Recipe) -> Pool:
         recipe: whose steps are done.
 
     Raises:
-        InputError: as :func:`sfkit.merging.preparation.prepared_for`; the sentence names the file.
+        InputError: as :func:`sfkit.merging.prepare.prepared_for`; the sentence names the file.
     """
     return _named(name, lambda: prepared_for(pool, recipe))
 

@@ -23,7 +23,7 @@ from sfkit.merging.recipe import Recipe
 
 
 @dataclass
-class Counts:
+class EvaluatorCounts:
     """What an evaluator has done so far."""
 
     computed: int = 0
@@ -74,7 +74,7 @@ class Evaluator:
         self.store = EvaluationStore(":memory:") if store is None else store
         self.retry_failed = retry_failed
         self.splits: tuple[frozenset[int], ...] = ()
-        self.counts = Counts()
+        self.counts = EvaluatorCounts()
         self.quantities = Quantities.of(self.metric, *also)
         inputs = pool.architecture.inputs(pool.options)
         self.prepared = PreparedBenchmark(benchmark, inputs, self.quantities)
@@ -220,7 +220,7 @@ class Evaluator:
 
     def _elsewhere(self, pool: Pool, store: EvaluationStore) -> Evaluator:
         other = copy.copy(self)
-        other.pool, other.store, other.counts = pool, store, Counts()
+        other.pool, other.store, other.counts = pool, store, EvaluatorCounts()
         other._runner = Runner(pool, self.prepared, self.compute)
         return other
 

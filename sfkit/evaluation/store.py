@@ -177,7 +177,7 @@ class EvaluationStore:
         return tuple((str(key), str(detail)) for key, detail in rows)
 
     def _rows(self, query: str, values: Iterable[Any]) -> list[Any]:
-        with self._lock, self._said(), closing(self._db.execute(query, tuple(values))) as cursor:
+        with self._lock, self._as_store_errors(), closing(self._db.execute(query, tuple(values))) as cursor:
             return cursor.fetchall()
 
     def _evaluation(self, row: Sequence[Any]) -> Evaluation:
@@ -193,11 +193,11 @@ class EvaluationStore:
     @contextmanager
     def _writing(self) -> Iterator[None]:
         """One transaction: all of it is on disk afterwards, or nothing where it raises."""
-        with self._lock, self._said(), self._db:
+        with self._lock, self._as_store_errors(), self._db:
             yield
 
     @contextmanager
-    def _said(self) -> Iterator[None]:
+    def _as_store_errors(self) -> Iterator[None]:
         """SQLite's errors as a sentence; a closed store is the caller's mistake and stays as it is."""
         try:
             yield

@@ -95,8 +95,8 @@ def score_table(
         benchmark = evaluator.benchmark
         role = "validation" if benchmark.name in validation else "reported"
         wanted = [Metric.parse(metric) for metric in metrics] or [evaluator.metric]
-        heard = None if progress is None else partial(progress, benchmark.name)
-        evaluations = evaluator.evaluate(list(recipes.values()), progress=heard)
+        named = None if progress is None else partial(progress, benchmark.name)
+        evaluations = evaluator.evaluate(list(recipes.values()), progress=named)
         evaluator.release()  # one network in memory at a time, however many benchmarks there are
         for metric in wanted:
             for name, evaluation in zip(recipes, evaluations, strict=True):

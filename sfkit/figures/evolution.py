@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from sfkit.analysis.drawn_points import drawn_points
 from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory
 from sfkit.analysis.labels import metric_label, score_text
-from sfkit.analysis.thinning import drawn_points
 from sfkit.figures.axes import FAILED_NAME, beyond, whole_ticks
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
 

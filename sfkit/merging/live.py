@@ -8,9 +8,9 @@ from typing import Protocol
 import torch
 from torch import nn
 
+from sfkit.merging.device_merging import DeviceMerger
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.recipe import Recipe
-from sfkit.merging.residency import DeviceMerger
 from sfkit.merging.vectors import TaskVectors
 
 

@@ -23,8 +23,8 @@ from sfkit.checkpoints.prefixes import network_prefix
 from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, SfkitError
-from sfkit.merging.arena import MAPPED_ABOVE, allocate
 from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.buffers import MAPPED_ABOVE, allocate
 from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord, vector_key
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.vectors import TaskVectors

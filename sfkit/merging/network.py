@@ -15,7 +15,7 @@ from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.saving import read_origin
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def load_network(
     """
     path = Path(path)
     entry, chosen = _architecture(path, name, options or {})
-    file = PoolOpener(entry, chosen, skeleton(entry, chosen)).read(path, is_base=True)
+    file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
     for key, tensor in file.tensors.items():
         check_values(path, key, tensor)
     network = entry.build(**chosen)
@@ -68,10 +68,10 @@ def _architecture(
     origin = read_origin(path)
     if name is None and origin is None:
         raise InputError(f"{path}: does not say its architecture, name it (--architecture anynet)")
-    said = origin.architecture if origin else {"name": name, "options": {}}
+    stated = origin.architecture if origin else {"name": name, "options": {}}
     try:
-        entry = architecture(name or said["name"])
-        stored = said["options"] if said["name"] == entry.name else {}
+        entry = architecture(name or stated["name"])
+        stored = stated["options"] if stated["name"] == entry.name else {}
         return entry, entry.resolve({**stored, **options}, near=path)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

@@ -15,7 +15,7 @@ from sfkit.merging.flat import FlatLayout
 from sfkit.merging.members import Checked, PoolOpener, assemble
 from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.pool import Pool
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 
 _NAMED: dict[str, Path] = {}
 """Pools that are opened by name: they come with sfkit, and register themselves."""
@@ -57,7 +57,7 @@ def open_pool(
     automatic = parse_partition(wanted) if isinstance(wanted, str) else None
     entry = entry_for(spec.architecture, spec.module, spec.path.parent if spec.path else None)
     options = entry.resolve(spec.options, near=spec.base.path)
-    specs = skeleton(entry, options)
+    specs = tensor_specs(entry, options)
     partition = BlockPartition.of(spec.blocks or entry.blocks(options))
     partition.check(spec.key for spec in specs)
     opener = PoolOpener(entry, options, specs, cache or VectorCache())

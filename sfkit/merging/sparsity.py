@@ -17,7 +17,7 @@ import torch
 
 from sfkit.checkpoints.checks import Kind
 from sfkit.merging.flat import FlatLayout
-from sfkit.merging.selection import kth_magnitude
+from sfkit.merging.magnitudes import kth_magnitude
 from sfkit.merging.steps import Drop, Sparse, Trim
 
 PIECE = 1 << 16  # elements; pieces of 11 sources (2.9 MB) stay in the last cache; even, see _kept

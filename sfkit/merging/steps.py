@@ -1,7 +1,7 @@
 """How task vectors are prepared before they are merged: small records that travel with a recipe.
 
 TIES, DARE and Fisher merging change the task vectors themselves. Their parts are steps, done in order by
-:func:`~sfkit.merging.preparation.prepare`; the prepared vectors are then routed and scaled like any others.
+:func:`~sfkit.merging.prepare.prepare`; the prepared vectors are then routed and scaled like any others.
 No step touches running statistics, but those that make one vector of several take their mean.
 """
 

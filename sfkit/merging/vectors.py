@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import torch
 
-from sfkit.merging.arena import MAPPED_ABOVE, allocate
 from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.buffers import MAPPED_ABOVE, allocate
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.linear import merge_flat
 from sfkit.merging.recipe import Recipe

@@ -32,7 +32,7 @@ METHODS = ("paper", "bayesian")
 _PROPOSED = BayesianSubsetSettings().generations
 _SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
 
-Progress = Callable[[str, Generation[Any]], None]
+StageCallback = Callable[[str, Generation[Any]], None]
 
 
 @dataclass(frozen=True)
@@ -209,7 +209,7 @@ def search_pool(
     plan: Plan,
     folder: Path,
     *,
-    progress: Progress | None = None,
+    progress: StageCallback | None = None,
 ) -> Found:
     """Run the plan and write what it finds.
 

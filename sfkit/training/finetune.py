@@ -27,7 +27,7 @@ from sfkit.errors import InputError
 from sfkit.files import write_text
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.training.loop import Course, Listener, Task, train
 from sfkit.training.objectives import recipe_of
 from sfkit.training.scoring import scorer_of
@@ -196,7 +196,7 @@ def _start(
     loaded = load_network(path, name=name, options=options)
     entry = architecture(loaded.name)
     chosen = entry.resolve(options, near=path)
-    file = PoolOpener(entry, chosen, skeleton(entry, chosen)).read(path, is_base=True)
+    file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
     identity = fingerprint({key: tensor_digest(tensor) for key, tensor in file.tensors.items()})
     origin = {"file": path.name, "fingerprint": identity, "licence": str((said or {}).get("licence", ""))}
     return entry, chosen, loaded.network, file.layout, origin

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sfkit.analysis.drawn_points import drawn_points
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
-from sfkit.analysis.thinning import drawn_points
 from sfkit.errors import InputError
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe

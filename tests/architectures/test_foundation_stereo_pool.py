@@ -23,7 +23,7 @@ from sfkit.merging.blocks import OUTSIDE
 from sfkit.merging.cache import VectorCache
 from sfkit.merging.network import load_network
 from sfkit.merging.saving import save_merged
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 
 State = dict[str, torch.Tensor]
 CONFIG = "vit_size: vits\nmax_disp: 64\nvalid_iters: 2\nmixed_precision: true\nlow_memory: 0\n"
@@ -199,6 +199,6 @@ def test_a_source_whose_vit_differs_is_pointed_out_by_its_tensors(folder: Path, 
 def test_published_keys_are_what_a_pool_expects(goldens: Path) -> None:
     """The real key list of ViT-L, with shapes: strict in both directions."""
     entry = architecture("foundation-stereo")
-    specs = skeleton(entry, entry.resolve({"vit_size": "vitl"}))
+    specs = tensor_specs(entry, entry.resolve({"vit_size": "vitl"}))
     found = {key: spec.shape for spec in specs for key in (spec.key, *spec.aliases)}
     assert found == {key: shape for key, (shape, _) in key_list(goldens, "vitl").items()}

@@ -25,7 +25,7 @@ from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import open_pool
 from sfkit.merging.members import PoolOpener
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 
 STATE = tiny.base_state()
 OTHER = tiny.fine_tune(STATE, 1)
@@ -118,7 +118,7 @@ def opener() -> PoolOpener:
     """For AnyNets of the tiny pool."""
     entry = architecture("anynet")
     options = entry.resolve(tiny.OPTIONS)
-    return PoolOpener(entry, options, skeleton(entry, options))
+    return PoolOpener(entry, options, tensor_specs(entry, options))
 
 
 def identity(tensors: Any) -> str:

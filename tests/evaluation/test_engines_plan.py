@@ -13,8 +13,8 @@ from engines_world import alone, heard, noise, trapped_pool
 from sfkit.datasets.benchmark import open_benchmark
 from sfkit.evaluation import Evaluator
 from sfkit.evaluation.engines.inline import InlineEngine
-from sfkit.evaluation.engines.parcel import PoolParcel, TensorBytes, in_memory
 from sfkit.evaluation.engines.plan import Numerics, WorkerPlan
+from sfkit.evaluation.engines.shared_pool import SharedPool, TensorBytes, in_memory
 from sfkit.evaluation.engines.worker import DeviceLostError
 from sfkit.evaluation.metrics import Quantities
 from sfkit.merging import Pool, Recipe, open_pool
@@ -104,8 +104,8 @@ def test_any_tensor_survives_as_bytes(tensor: torch.Tensor) -> None:
 
 
 def test_a_pool_in_a_parcel_merges_to_the_same_bits(pool: Pool) -> None:
-    parcel = pickle.loads(pickle.dumps(PoolParcel.of(pool)))  # noqa: S301  # as Ray sends it
-    opened = parcel.open()
+    shared = pickle.loads(pickle.dumps(SharedPool.of(pool)))  # noqa: S301  # as Ray sends it
+    opened = shared.open()
     assert opened.describe() == pool.describe()
     assert opened.identity == pool.identity
     for recipe in alone(pool):

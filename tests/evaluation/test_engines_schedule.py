@@ -7,7 +7,7 @@ import heapq
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sfkit.evaluation.engines.schedule import TRIES, Board, Part
+from sfkit.evaluation.engines.schedule import TRIES, Board, ImageRange
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.metrics import ImageErrors
 
@@ -23,7 +23,7 @@ def image(recipe: int, number: int) -> ImageErrors:
     return ImageErrors(f"{recipe}/{number}", (), 0, {})
 
 
-def evaluated(part: Part, broken: dict[int, int]) -> Result:
+def evaluated(part: ImageRange, broken: dict[int, int]) -> Result:
     """What a worker answers: it stops at the first image its recipe is broken on."""
     for number in range(part.start, part.stop):
         if number >= broken.get(part.number, part.stop):
@@ -44,7 +44,7 @@ def test_the_order_of_answers_and_deaths_changes_nothing(
 ) -> None:
     broken = data.draw(st.dictionaries(st.integers(0, 6), st.integers(0, images - 1)))
     board = Board(recipes, images, workers)
-    under_way: list[Part] = []
+    under_way: list[ImageRange] = []
     results: dict[int, Result] = {}
     while not board.complete:
         while len(under_way) < workers and (part := board.take()) is not None:
@@ -93,7 +93,7 @@ def test_without_deaths_each_image_is_evaluated_once_and_workers_finish_together
 ) -> None:
     """With images of equal length, no worker is idle for longer than one of them."""
     board = Board(recipes, images, workers)
-    clock: list[tuple[int, int, Part | None]] = [(0, worker, None) for worker in range(workers)]
+    clock: list[tuple[int, int, ImageRange | None]] = [(0, worker, None) for worker in range(workers)]
     seen, end = [], 0
     while clock:
         now, worker, part = heapq.heappop(clock)
@@ -119,14 +119,19 @@ def test_recipes_stay_whole_while_there_are_many_and_are_cut_at_the_end() -> Non
 
 def test_one_worker_gets_whole_recipes() -> None:
     board = Board(recipes=3, images=10, workers=1)
-    assert [board.take() for _ in range(4)] == [Part(0, 0, 10), Part(1, 0, 10), Part(2, 0, 10), None]
+    assert [board.take() for _ in range(4)] == [
+        ImageRange(0, 0, 10),
+        ImageRange(1, 0, 10),
+        ImageRange(2, 0, 10),
+        None,
+    ]
 
 
 def test_images_behind_a_failure_are_left_out() -> None:
     board = Board(recipes=1, images=8, workers=4)
     first, second = board.take(), board.take()
-    assert first == Part(0, 0, 2)
-    assert second == Part(0, 2, 4)
+    assert first == ImageRange(0, 0, 2)
+    assert second == ImageRange(0, 2, 4)
     assert list(board.done(second, Result((), "broke", 1.0))) == [], "the first images may fail before it"
     assert board.take() is None
     good = Result((image(0, 0), image(0, 1)), None, 1.0)

@@ -14,7 +14,7 @@ import pytest
 from figure_records import FIGURES, trace
 
 from sfkit import figures
-from sfkit.analysis.thinning import LIMIT
+from sfkit.analysis.drawn_points import LIMIT
 from sfkit.errors import InputError
 
 WITHOUT_UNIT = {"source", "network", "stage", "block", "run", "target"}

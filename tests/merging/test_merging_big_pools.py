@@ -20,9 +20,9 @@ from sfkit.architectures import architecture, register_architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.checkpoints.spec import Member, PoolSpec
 from sfkit.errors import InputError
-from sfkit.merging import Pool, arena, members, open_pool
+from sfkit.merging import Pool, buffers, members, open_pool
 from sfkit.merging.saving import save_merged
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 
 ROOT = Path(__file__).parents[2]
 Usage = namedtuple("Usage", "total used free")
@@ -53,7 +53,7 @@ def test_sources_that_changed_different_tensors_share_one_layout(tmp_path: Path,
 
 @pytest.mark.parametrize("is_mapped", [True, False])
 def test_buffers_begin_as_zeros(tmp_path: Path, is_mapped: bool) -> None:
-    buffer = arena.allocate(100_000, mapped=is_mapped, folder=tmp_path)
+    buffer = buffers.allocate(100_000, mapped=is_mapped, folder=tmp_path)
     assert not buffer.any()
     buffer.fill_(1.0)
     assert buffer.sum() == 100_000
@@ -69,7 +69,7 @@ def test_a_full_disk_is_refused_before_it_is_mapped(
     ):
         open_pool(path)
     with pytest.raises(InputError, match="are free, expected"):
-        arena.allocate(10, mapped=True)
+        buffers.allocate(10, mapped=True)
     assert not list(mapped.rglob("*.f32"))
 
 
@@ -114,7 +114,7 @@ def test_two_names_of_one_tensor_must_agree(tmp_path: Path) -> None:
 
 def test_reading_a_networks_keys_leaves_random_numbers_alone() -> None:
     before = torch.random.get_rng_state()
-    specs = skeleton(architecture("nmrf-res"), architecture("nmrf-res").resolve())
+    specs = tensor_specs(architecture("nmrf-res"), architecture("nmrf-res").resolve())
     assert torch.equal(torch.random.get_rng_state(), before)
     with torch.random.fork_rng():
         built = architecture("nmrf-res").build().state_dict()
@@ -137,7 +137,7 @@ class Picky(nn.Module):
 
 def test_a_constructor_that_needs_its_values_gets_them() -> None:
     register_architecture("picky", blocks={"all": ["*"]})(Picky)
-    assert [spec.key for spec in skeleton(architecture("picky"), {})] == ["weight"]
+    assert [spec.key for spec in tensor_specs(architecture("picky"), {})] == ["weight"]
 
 
 @pytest.mark.parametrize("dtype", [torch.float16, torch.bfloat16, torch.float32, torch.float64])

@@ -15,7 +15,7 @@ from sfkit.errors import InputError
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.fusion import fuse
-from sfkit.merging.selection import kth_magnitude
+from sfkit.merging.magnitudes import kth_magnitude
 from sfkit.merging.sparsity import PIECE, Row, Thresholds, pieces, thinned
 from sfkit.merging.steps import Drop, Elect, FisherMean, Fused, Mean, Sparse, Trim, as_dicts, from_dicts
 

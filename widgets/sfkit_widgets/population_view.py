@@ -8,9 +8,9 @@ from typing import Any
 
 import traitlets
 
+from sfkit.analysis.drawn_points import drawn_points
 from sfkit.analysis.evolution import Evolution, Individual
 from sfkit.analysis.labels import metric_label
-from sfkit.analysis.thinning import drawn_points
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from sfkit.errors import SfkitError, SfkitWarning
-from sfkit.evaluation.engines.schedule import TRIES, Board, Part
+from sfkit.evaluation.engines.schedule import TRIES, Board, ImageRange
 from sfkit.evaluation.engines.worker import Result
 from sfkit.merging.recipe import Recipe
 
@@ -23,12 +23,12 @@ class Task:
     """A part of a recipe, and the call of the engine it belongs to."""
 
     call: int
-    part: Part
+    part: ImageRange
     recipe: Recipe
 
 
 @dataclass(frozen=True)
-class Answer:
+class Finished:
     """A worker finished a task."""
 
     task: Task
@@ -88,7 +88,7 @@ class Crew(ABC, Generic[S]):
         """Give a free seat a task."""
 
     @abstractmethod
-    def events(self) -> Iterable[Answer | Death]:
+    def events(self) -> Iterable[Finished | Death]:
         """Wait until something happens; it may concern no task.
 
         Raises:
@@ -236,7 +236,7 @@ class ParallelEngine:
             for event in crew.events():
                 if event.task.call != call:
                     continue
-                if isinstance(event, Answer):
+                if isinstance(event, Finished):
                     yield from board.done(event.task.part, event.result)
                 else:
                     yield from board.died(event.task.part, event.how)

@@ -24,7 +24,7 @@ from sfkit.merging.forward import ForwardMode
 from sfkit.merging.live import LiveModel
 from sfkit.merging.opening import open_pool
 from sfkit.merging.pool import Pool
-from sfkit.merging.preparation import prepare
+from sfkit.merging.prepare import prepare
 from sfkit.merging.steps import FisherMean, Step
 
 _NOT_IMPORTABLE = (None, "__main__", "__mp_main__")

@@ -18,7 +18,7 @@ import torch
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.engines.child import Here, Ready, Refused
-from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Crew, Death, ParallelEngine, Seat, Task
+from sfkit.evaluation.engines.crew import START_SECONDS, Crew, Death, Finished, ParallelEngine, Seat, Task
 from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
 from sfkit.evaluation.engines.spawned import Spawned, stop
 from sfkit.evaluation.engines.worker import Result
@@ -70,7 +70,7 @@ class ProcessCrew(Crew[ProcessSeat]):
         seat.task = task
         seat.process.send((task.recipe, task.part.start, task.part.stop))
 
-    def events(self) -> Iterator[Answer | Death]:
+    def events(self) -> Iterator[Finished | Death]:
         """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
         ready = connection.wait([seat.process.channel for seat in self._seats], self._patience())
         for seat in tuple(self._seats):
@@ -86,7 +86,7 @@ class ProcessCrew(Crew[ProcessSeat]):
         """End all workers."""
         self._end()
 
-    def _listen(self, seat: ProcessSeat) -> Iterator[Answer | Death]:
+    def _listen(self, seat: ProcessSeat) -> Iterator[Finished | Death]:
         try:
             message = seat.process.channel.recv()
         except (EOFError, OSError):
@@ -100,7 +100,7 @@ class ProcessCrew(Crew[ProcessSeat]):
             raise InputError(message.why)
         elif isinstance(message, Result) and seat.task is not None:
             task, seat.task = seat.task, None
-            yield Answer(task, message)
+            yield Finished(task, message)
 
     def _hire(self, seat: ProcessSeat) -> None:
         seat.process = Spawned(self.plan.threads, self._folder)

@@ -15,9 +15,9 @@ from typing import Any
 
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.compute import Compute, ensure_ray
-from sfkit.evaluation.engines.crew import START_SECONDS, Answer, Crew, Death, ParallelEngine, Seat, Task
-from sfkit.evaluation.engines.parcel import PoolParcel, in_memory
+from sfkit.evaluation.engines.crew import START_SECONDS, Crew, Death, Finished, ParallelEngine, Seat, Task
 from sfkit.evaluation.engines.plan import WorkerPlan
+from sfkit.evaluation.engines.shared_pool import SharedPool, in_memory
 from sfkit.evaluation.engines.worker import Result, Worker
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.pool import Pool
@@ -29,7 +29,7 @@ class Order:
     """What lies in the object store: the plan, the pool it needs, and where modules may be found."""
 
     plan: WorkerPlan
-    parcel: PoolParcel
+    pool: SharedPool
     path: tuple[str, ...]
     device: str
 
@@ -42,7 +42,7 @@ class RayWorker:
         warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
         sys.path.extend(entry for entry in order.path if entry not in sys.path)
         order.plan.register()
-        self._worker: Worker = order.plan.open(order.device, order.parcel.open())
+        self._worker: Worker = order.plan.open(order.device, order.pool.open())
 
     def part(self, recipe: Recipe, start: int, stop: int) -> Result:
         """Evaluate one recipe on images ``start..stop``."""
@@ -89,7 +89,7 @@ class RayCrew(Crew[RaySeat]):
         seat.task = task
         seat.pending = seat.actor.part.remote(task.recipe, task.part.start, task.part.stop)
 
-    def events(self) -> Iterator[Answer | Death]:
+    def events(self) -> Iterator[Finished | Death]:
         """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
         pending = {seat.pending: seat for seat in self._seats if seat.pending is not None}
         done, _ = self._ray.wait(list(pending), num_returns=1, timeout=self._patience())
@@ -108,7 +108,7 @@ class RayCrew(Crew[RaySeat]):
         if self._owns_ray:
             self._ray.shutdown()
 
-    def _listen(self, seat: RaySeat) -> Iterator[Answer | Death]:
+    def _listen(self, seat: RaySeat) -> Iterator[Finished | Death]:
         try:
             message = self._ray.get(seat.pending)
         except self._ray.exceptions.RayTaskError as error:
@@ -121,7 +121,7 @@ class RayCrew(Crew[RaySeat]):
             seat.pending, task, seat.task = None, seat.task, None
             self._welcome(seat)
             if task is not None:
-                yield Answer(task, message)
+                yield Finished(task, message)
 
     def _hire(self, seat: RaySeat) -> None:
         remote = self._ray.remote(RayWorker)
@@ -166,7 +166,7 @@ def ray_engine(
     plan = WorkerPlan.of(pool, held, benchmark.quantities, mode=compute.mode, threads=threads)
 
     def hire() -> RayCrew:
-        order = Order(plan, PoolParcel.of(pool), tuple(filter(None, sys.path)), kind)
+        order = Order(plan, SharedPool.of(pool), tuple(filter(None, sys.path)), kind)
         return RayCrew(order, workers, start_seconds)
 
     about = f"{workers or 'as many'} workers on {kind}" + ("" if workers else " as the cluster has room for")

@@ -18,7 +18,7 @@ TRIES = 3  # how often a part is given to a worker that dies over it
 
 
 @dataclass(frozen=True)
-class Part:
+class ImageRange:
     """Images ``start..stop`` of the recipe with that number.
 
     Attributes:
@@ -46,8 +46,8 @@ class Board:
     def __init__(self, recipes: int, images: int, workers: int) -> None:
         self._recipes, self._images, self._workers = recipes, images, workers
         self._next = 0  # images handed out so far, recipe after recipe
-        self._again: deque[Part] = deque()
-        self._heard: dict[int, dict[int, Result]] = {n: {} for n in range(recipes)}
+        self._again: deque[ImageRange] = deque()
+        self._results: dict[int, dict[int, Result]] = {n: {} for n in range(recipes)}
         self._end = [images] * recipes  # images from here on no longer matter: one before them failed
         self._complete = 0
 
@@ -56,7 +56,7 @@ class Board:
         """True once every recipe has its result."""
         return self._complete == self._recipes
 
-    def take(self) -> Part | None:
+    def take(self) -> ImageRange | None:
         """The next part to evaluate; None where the rest is under way already.
 
         A part over which a worker died comes last: what is well gets done while a new worker starts.
@@ -71,22 +71,22 @@ class Board:
                 return part
         return None
 
-    def done(self, part: Part, result: Result) -> Iterator[tuple[int, Result]]:
+    def done(self, part: ImageRange, result: Result) -> Iterator[tuple[int, Result]]:
         """Note a part's result; yields its recipe's number and result where that is now complete."""
         if not self._matters(part):
             return
-        heard = self._heard[part.number]
-        heard[part.start] = result
+        results = self._results[part.number]
+        results[part.start] = result
         if result.failure is not None:
             self._end[part.number] = part.start
         whole = self._whole(part.number)
         if whole is not None:
             self._complete += 1
-            self._heard[part.number] = {}
+            self._results[part.number] = {}
             self._end[part.number] = 0
             yield part.number, whole
 
-    def died(self, part: Part, how: str) -> Iterator[tuple[int, Result]]:
+    def died(self, part: ImageRange, how: str) -> Iterator[tuple[int, Result]]:
         """Note that a worker died over a part: it is given out again, until that has been tried enough."""
         if part.tries + 1 < TRIES:
             self._again.append(replace(part, tries=part.tries + 1))
@@ -94,15 +94,15 @@ class Board:
         failure = f"WorkerDied: {TRIES} workers in a row died over it, the last {how}"
         yield from self.done(part, Result((), failure, 0.0))
 
-    def _cut(self) -> Part:
+    def _cut(self) -> ImageRange:
         """The next images in order: an even share of all that is left, within one recipe."""
         number, start = divmod(self._next, self._images)
         left = self._recipes * self._images - self._next
         stop = min(self._images, start - (-left // self._workers))
         self._next += stop - start
-        return Part(number, start, stop)
+        return ImageRange(number, start, stop)
 
-    def _matters(self, part: Part) -> bool:
+    def _matters(self, part: ImageRange) -> bool:
         return part.start < self._end[part.number]
 
     def _whole(self, number: int) -> Result | None:
@@ -111,12 +111,12 @@ class Board:
         A failure counts when all images before it are known to be well, so that its message is the one a
         single worker would have met first.
         """
-        heard, reached, seconds = self._heard[number], 0, 0.0
+        results, reached, seconds = self._results[number], 0, 0.0
         images: list[ImageErrors] = []
         while reached < self._images:
-            if reached not in heard:
+            if reached not in results:
                 return None
-            result = heard[reached]
+            result = results[reached]
             seconds += result.seconds
             if result.failure is not None:
                 return Result((), result.failure, seconds)

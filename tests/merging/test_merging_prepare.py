@@ -15,10 +15,11 @@ from sfkit import Drop, Elect, EvaluationStore, Evaluator, FisherMean, Mean, Tri
 from sfkit.checkpoints.checks import Kind
 from sfkit.datasets import open_benchmark
 from sfkit.errors import InputError
-from sfkit.evaluation.engines.parcel import PoolParcel
-from sfkit.merging import BlockPartition, Pool, Recipe, open_pool, preparation
+from sfkit.evaluation.engines.shared_pool import SharedPool
+from sfkit.merging import BlockPartition, Pool, Recipe, open_pool
+from sfkit.merging import prepare as prepare_module
 from sfkit.merging.cache import VectorCache
-from sfkit.merging.preparation import measured
+from sfkit.merging.prepare import measured
 from sfkit.merging.saving import read_origin, read_recipe, save_merged
 from sfkit.merging.sparsity import Thresholds
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
@@ -199,7 +200,7 @@ def test_the_base_is_one_evaluation_in_every_pool(pool: Pool, evaluator: Evaluat
 
 def test_a_parcel_carries_a_prepared_pool(pool: Pool) -> None:
     prepared = prepare(pool, Trim(0.2), Elect())
-    opened = PoolParcel.of(prepared).open()
+    opened = SharedPool.of(prepared).open()
     assert opened.identity == prepared.identity
     assert opened.preparation == prepared.preparation
     assert torch.equal(opened.vectors["ties"], prepared.vectors["ties"])
@@ -216,12 +217,12 @@ def test_large_vectors_are_kept_in_the_cache(
     pool: Pool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     small = prepare(pool, Trim(0.2), Elect())
-    monkeypatch.setattr(preparation, "MAPPED_ABOVE", 0)
+    monkeypatch.setattr(prepare_module, "MAPPED_ABOVE", 0)
     cache = VectorCache(tmp_path)
     large = prepare(pool, Trim(0.2), Elect(), cache=cache)
     assert torch.equal(large.vectors["ties"], small.vectors["ties"])
     assert [entry.source for entry in cache.entries()] == ["ties"]
-    monkeypatch.setattr(preparation, "fuse", lambda *_, **__: pytest.fail("computed again"))
+    monkeypatch.setattr(prepare_module, "fuse", lambda *_, **__: pytest.fail("computed again"))
     again = prepare(pool, Trim(0.2), Elect(), cache=cache)
     assert torch.equal(again.vectors["ties"], small.vectors["ties"])
 

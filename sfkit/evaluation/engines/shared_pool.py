@@ -44,7 +44,7 @@ class TensorBytes:
 
 
 @dataclass(frozen=True)
-class PoolParcel:
+class SharedPool:
     """A :class:`~sfkit.merging.pool.Pool`, its architecture by name and its tensors as bytes.
 
     Attributes:
@@ -62,7 +62,7 @@ class PoolParcel:
     base_tensors: Mapping[str, TensorBytes]
 
     @classmethod
-    def of(cls, pool: Pool) -> PoolParcel:
+    def of(cls, pool: Pool) -> SharedPool:
         """The parts of a pool, sharing its memory."""
         apart = ("architecture", "base_tensors", "task_vectors")
         return cls(
@@ -74,7 +74,7 @@ class PoolParcel:
         )
 
     def open(self) -> Pool:
-        """The pool again, in the parcel's memory; its architecture must be registered.
+        """The pool again, in this memory; its architecture must be registered.
 
         Raises:
             InputError: no such architecture.

@@ -17,7 +17,7 @@ STATISTICS = ("running_mean", "running_var")
 _DRAWING = ("normal_", "uniform_", "orthogonal_")  # how the functions end that fill a tensor at random
 
 
-def skeleton(architecture: Architecture, options: Mapping[str, Any]) -> tuple[TensorSpec, ...]:
+def tensor_specs(architecture: Architecture, options: Mapping[str, Any]) -> tuple[TensorSpec, ...]:
     """The state dict a checkpoint of this architecture has, in the module's order.
 
     The network is built without its initial values being drawn, which costs neither memory nor time;

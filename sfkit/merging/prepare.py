@@ -20,7 +20,7 @@ import torch
 
 from sfkit.checkpoints.fingerprints import tensor_digest, text_digest
 from sfkit.errors import InputError, SfkitError
-from sfkit.merging.arena import MAPPED_ABOVE, allocate
+from sfkit.merging.buffers import MAPPED_ABOVE, allocate
 from sfkit.merging.cache import VectorCache, VectorRecord
 from sfkit.merging.fusion import Importances, fuse
 from sfkit.merging.members import ITSELF, Checked

@@ -11,9 +11,9 @@ import torch
 from torch.overrides import TorchFunctionMode
 
 from sfkit.errors import InputError
-from sfkit.merging import LiveModel, Pool, Recipe, open_pool, residency
+from sfkit.merging import LiveModel, Pool, Recipe, device_merging, open_pool
+from sfkit.merging.device_merging import DeviceMerger, windows
 from sfkit.merging.forward import ForwardMode
-from sfkit.merging.residency import DeviceMerger, windows
 
 CPU = torch.device("cpu")
 
@@ -36,7 +36,7 @@ def recipes(pool: Pool) -> list[Recipe]:
 def test_either_way_the_bits_are_those_of_the_pool(
     pool: Pool, budget: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(residency, "WINDOW", 64)  # several windows in each segment; 64 keeps vectors whole
+    monkeypatch.setattr(device_merging, "WINDOW", 64)  # several in each segment; 64 keeps vectors whole
     merger = DeviceMerger(pool.task_vectors, CPU, budget=budget)
     assert merger.resident is (budget > 0)
     out, expected = torch.empty(2, pool.layout.size)
@@ -52,7 +52,7 @@ def test_the_budget_counts_base_and_every_source(pool: Pool) -> None:
 
 
 def test_windows_cover_each_segment_once(pool: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(residency, "WINDOW", 1000)
+    monkeypatch.setattr(device_merging, "WINDOW", 1000)
     cut = list(windows(pool.layout))
     assert all(0 < window.stop - window.start <= 1000 for window in cut)
     covered = [n for window in cut for n in range(window.start, window.stop)]
