@@ -25,6 +25,7 @@ class Stream(IntEnum):
     BAYESIAN_ROUTING = 5
     TRAINING_ORDER = 40
     TRAINING_CHANGES = 41
+    TRUST = 60
 
 
 def generator(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:

@@ -10,7 +10,8 @@ import numpy as np
 import pandas as pd
 
 from sfkit.errors import InputError
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe

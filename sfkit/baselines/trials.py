@@ -10,7 +10,8 @@ from typing import Any
 
 import pandas as pd
 
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe

@@ -45,6 +45,7 @@ from sfkit.cli.validation import (
 )
 from sfkit.errors import InputError
 from sfkit.evaluation import Compute, Evaluator
+from sfkit.evaluation.changes import LABEL
 from sfkit.evaluation.table import write_table
 from sfkit.search import RoutingSettings, SubsetSettings
 
@@ -159,10 +160,11 @@ def _entry(result: BaselineResult) -> dict[str, Any]:
 
 
 def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> str:
-    unit = evaluators[0].metric.unit
+    unlike = len({one.metric.needs_truth for one in evaluators}) > 1
+    unit = "" if unlike else evaluators[0].metric.unit
     guides = [f"{one.benchmark.name} (protocol {one.benchmark.protocol})" for one in evaluators]
     rule = f", the {combine} of them" if len(guides) > 1 else ""
-    head = f"{evaluators[0].metric} on {', '.join(guides)}{rule}: what tunes them"
+    head = f"{LABEL if unlike else evaluators[0].metric} on {', '.join(guides)}{rule}: what tunes them"
     lines = [
         f"{label:24s} {row['validation']:9.4f} {unit}  {row['evaluations']:5d} evaluations"
         f" {row['seconds']:8.1f} s  {', '.join(filter(None, (row['chosen'], row['note'])))}".rstrip()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +12,7 @@ import typer
 
 from sfkit.analysis.inspection import recipe_lines
 from sfkit.analysis.overfit import holdout_check
+from sfkit.analysis.trust import trust_of
 from sfkit.cli.options import (
     BenchmarkOption,
     CodingOption,
@@ -48,6 +49,8 @@ from sfkit.cli.validation import (
 )
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
+from sfkit.evaluation.changes import LABEL
+from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.estimate import Estimate
 from sfkit.evaluation.holdout import LEAST
@@ -169,13 +172,18 @@ def search(
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
         found = search_pool(opened, scorer, plan, out, progress=_progress)
+        trusted = trust_of(opened, evaluators)
     counts = {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
-    metric_name = str(evaluators[0].metric)
+    changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
+    metric_name = str(evaluators[0].metric) if changes is None else LABEL
     check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)
     document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
     document |= described(guides, combine)
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
-    text = _text(found, evaluators[0].metric, counts)
+    text = _text(found, evaluators[0].metric if changes is None else None, counts)
+    if trusted is not None:
+        document |= {"trust": {**asdict(trusted), "trusted": trusted.trusted, "sentence": trusted.sentence}}
+        text = f"{text}\n{trusted.sentence}"
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
 
 
@@ -238,9 +246,9 @@ def _progress(stage: str, generation: Generation[Any]) -> None:
     say(f"{stage}, generation {generation.number}: best {score}; {done}")
 
 
-def _text(found: Found, metric: Metric, counts: Mapping[str, float]) -> str:
-    unit = metric.unit
-    lines = [f"best {metric}: {found.score:.4f} {unit}"]
+def _text(found: Found, metric: Metric | None, counts: Mapping[str, float]) -> str:
+    unit = "" if metric is None else metric.unit
+    lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):
         if best is not None:
             lines.append(f"  {stage}: {best.score:.4f} {unit}  {', '.join(best.subset)}")

@@ -11,8 +11,11 @@ import typer
 
 from sfkit.cli.options import names, say, store_of
 from sfkit.datasets.benchmark import Benchmark, open_benchmarks
+from sfkit.datasets.metric import Metric
+from sfkit.datasets.unlabelled import UNLABELLED
 from sfkit.errors import InputError
 from sfkit.evaluation import CombinedScorer, Compute, Evaluator
+from sfkit.evaluation.changes import LABEL
 from sfkit.merging import Pool
 
 AlsoOption = Annotated[
@@ -61,7 +64,13 @@ def scoring(
             guide = one.benchmark
             say(f"validation: {guide.name} ({guide.coverage}), {one.metric}, protocol {guide.protocol}")
         say(f"engine: {evaluators[0].engine.describe()}")
-        yield evaluators, evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, combine)
+        if len(evaluators) == 1:
+            yield evaluators, evaluators[0]
+            return
+        combined = CombinedScorer(evaluators, combine)
+        if combined.changes is not None:
+            say(f"guided by: {combine} {LABEL} (metrics with and without ground truth)")
+        yield evaluators, combined
 
 
 def described(guides: Sequence[Benchmark], combine: str) -> dict[str, Any]:
@@ -73,9 +82,12 @@ def described(guides: Sequence[Benchmark], combine: str) -> dict[str, Any]:
 
 
 def _also(text: str, metric: str) -> Benchmark:
-    """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``."""
+    """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``,
+    or by its own where only one of the two needs ground truth.
+    """
     name, *entries = names(text)
-    values: dict[str, Any] = {"name": name, "metric": metric}
+    own = name == UNLABELLED or not Metric.parse(metric).needs_truth
+    values: dict[str, Any] = {"name": name} if own else {"name": name, "metric": metric}
     for entry in entries:
         key, equals, value = (piece.strip() for piece in entry.partition("="))
         if not equals:

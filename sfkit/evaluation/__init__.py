@@ -1,8 +1,9 @@
 """Evaluation: metrics, protocols, engines, the evaluation store and what is built on them."""
 
+from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.estimate import Estimate, estimate
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.evaluation.store import Evaluation, EvaluationStore
 from sfkit.evaluation.table import pivot, score_recipes

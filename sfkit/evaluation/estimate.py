@@ -7,7 +7,8 @@ import sys
 from dataclasses import dataclass
 
 from sfkit.errors import InputError
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging.recipe import Recipe
 
 

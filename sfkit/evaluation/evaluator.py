@@ -15,7 +15,7 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines import Engine, Result, Runner, check_pool
 from sfkit.evaluation.metrics import ImageErrors, Quantities
-from sfkit.evaluation.outcome import Outcome, Part, Scorer
+from sfkit.evaluation.outcome import Outcome, Part
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.pool import Pool
@@ -237,72 +237,3 @@ class Evaluator:
         self.counts.image_passes += len(result.images)
         self.counts.seconds += result.seconds
         return Evaluation(held.key, held.description, held.images, held.failure, held.seconds)
-
-
-class CombinedScorer:
-    """One score from several benchmarks: their mean, or the worst of them.
-
-    Args:
-        evaluators: one for each validation benchmark.
-        how: ``"mean"`` or ``"worst"``. The metrics must have one unit.
-
-    Raises:
-        InputError: no evaluator, another word than these, or metrics of different units.
-    """
-
-    def __init__(self, evaluators: Sequence[Scorer], how: str = "mean") -> None:
-        if how not in ("mean", "worst"):
-            raise InputError(f"validation: found {how!r}, expected 'mean' or 'worst' of the benchmarks")
-        if not evaluators:
-            raise InputError("validation: found no benchmark, expected at least one")
-        units = {e.metric.unit for e in evaluators if isinstance(e, Evaluator)}
-        if len(units) > 1:
-            raise InputError(
-                f"validation: metrics in {' and '.join(sorted(units))}, expected one unit to combine"
-            )
-        self.evaluators = tuple(evaluators)
-        self.how = how
-
-    def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
-        """One outcome a recipe: failed where any benchmark failed, cached where all were."""
-        table = [evaluator(recipes) for evaluator in self.evaluators]
-        return [self._combine([row[n] for row in table]) for n in range(len(recipes))]
-
-    def with_pool(self, pool: Pool) -> CombinedScorer:
-        """The same on another pool; see :meth:`Evaluator.with_pool`."""
-        return CombinedScorer(
-            [e.with_pool(pool) if isinstance(e, Evaluator) else e for e in self.evaluators], self.how
-        )
-
-    def release(self) -> None:
-        """Let go of all networks and workers."""
-        for evaluator in self.evaluators:
-            if isinstance(evaluator, Evaluator):
-                evaluator.release()
-
-    def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
-        return Outcome(
-            self.combined([outcome.score for outcome in outcomes]),
-            math.fsum(outcome.seconds for outcome in outcomes),
-            all(outcome.cached for outcome in outcomes),
-            next((outcome.error for outcome in outcomes if outcome.error), None),
-            "+".join(outcome.key for outcome in outcomes),
-            self._parts(outcomes),
-        )
-
-    def _parts(self, outcomes: Sequence[Outcome]) -> tuple[Part, ...]:
-        if any(outcome.failed for outcome in outcomes):
-            return ()
-        return tuple(
-            Part(
-                self.combined([part.guiding for part in split]), self.combined([part.held for part in split])
-            )
-            for split in zip(*(outcome.parts for outcome in outcomes), strict=True)
-        )
-
-    def combined(self, scores: Sequence[float]) -> float:
-        """Mean or worst of the benchmarks that have a score; NaN stands for one without an image there."""
-        known = [score for score in scores if not math.isnan(score)]
-        if not known:
-            return math.nan
-        return max(known) if self.how == "worst" else math.fsum(known) / len(known)

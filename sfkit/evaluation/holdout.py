@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from numbers import Real
 
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Scorer
 from sfkit.streams import Stream, generator
 
@@ -106,7 +107,7 @@ def held_out(scorer: Scorer, holdout: float, seed: int = 0) -> Scorer:
         )
         return scorer
     views = [e.with_splits(held) for e, held in zip(known, deal(sizes, holdout, seed), strict=True)]
-    return CombinedScorer(views, scorer.how) if isinstance(scorer, CombinedScorer) else views[0]
+    return scorer.over(views) if isinstance(scorer, CombinedScorer) else views[0]
 
 
 def splits_of(scorer: Scorer) -> int:

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import text_digest
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Scorer
 from sfkit.evaluation.store import HAND_EDIT, EvaluationStore
 from sfkit.merging.pool import Pool

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.datasets.metric import Metric
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging.pool import Pool
 
 
@@ -17,7 +19,8 @@ def validation_scorer(
 
     Args:
         pool: whose networks are merged.
-        benchmarks: one, or several, each measured by the first one's metric.
+        benchmarks: one, or several, each measured by the first one's metric; those measured
+            with ground truth beside one measured without keep their own (see :class:`CombinedScorer`).
         how: of several, their ``"mean"`` or the ``"worst"`` of them.
         options: of each :class:`~sfkit.evaluation.evaluator.Evaluator`, such as ``store``.
 
@@ -27,5 +30,6 @@ def validation_scorer(
     guides = (benchmarks,) if isinstance(benchmarks, Benchmark) else tuple(benchmarks)
     if len(guides) == 1:
         return Evaluator(pool, guides[0], **options)
-    shared = {"metric": guides[0].metric, **options} if guides else options
-    return CombinedScorer([Evaluator(pool, guide, **shared) for guide in guides], how)
+    if len({Metric.parse(guide.metric).needs_truth for guide in guides}) == 1:
+        options = {"metric": guides[0].metric, **options}
+    return CombinedScorer([Evaluator(pool, guide, **options) for guide in guides], how)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from sfkit.evaluation.evaluator import CombinedScorer, Evaluator
+from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.evaluation.store import evaluation_key
 from sfkit.merging.recipe import Recipe
@@ -94,7 +95,7 @@ def listening(scorer: Scorer, listener: Listener) -> Scorer:
     if isinstance(scorer, CombinedScorer):
         every = len(scorer.evaluators)
         parts = [listening(part, _Part(listener, n, every)) for n, part in enumerate(scorer.evaluators)]
-        return CombinedScorer(parts, scorer.how)
+        return scorer.over(parts)
     return scorer
 
 

@@ -1,0 +1,97 @@
+"""Several validation benchmarks as one guide."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from sfkit.errors import InputError
+from sfkit.evaluation.changes import Changes
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.outcome import Outcome, Part, Scorer
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+
+class CombinedScorer:
+    """One score from several benchmarks: their mean, or the worst of them.
+
+    Where some are measured against ground truth and some by ``census``, what is combined are changes against
+    the uniform merge, each in units of its spread over images (:mod:`sfkit.evaluation.changes`).
+
+    Args:
+        evaluators: one for each validation benchmark.
+        how: ``"mean"`` or ``"worst"``. Metrics that are not combined by changes must have one unit.
+        changes: the yardsticks of unlike metrics; made of the evaluators unless given.
+
+    Raises:
+        InputError: no evaluator, another word than these, or metrics of different units.
+    """
+
+    def __init__(
+        self, evaluators: Sequence[Scorer], how: str = "mean", changes: Changes | None = None
+    ) -> None:
+        if how not in ("mean", "worst"):
+            raise InputError(f"validation: found {how!r}, expected 'mean' or 'worst' of the benchmarks")
+        if not evaluators:
+            raise InputError("validation: found no benchmark, expected at least one")
+        known = [e for e in evaluators if isinstance(e, Evaluator)]
+        if changes is None and len({e.metric.needs_truth for e in known}) > 1:
+            changes = Changes(known)
+        units = {e.metric.unit for e in known}
+        if changes is None and len(units) > 1:
+            raise InputError(
+                f"validation: metrics in {' and '.join(sorted(units))}, expected one unit to combine"
+            )
+        self.evaluators = tuple(evaluators)
+        self.how = how
+        self.changes = changes
+
+    def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
+        """One outcome a recipe: failed where any benchmark failed, cached where all were."""
+        table = [evaluator(recipes) for evaluator in self.evaluators]
+        return [self._combine([row[n] for row in table]) for n in range(len(recipes))]
+
+    def with_pool(self, pool: Pool) -> CombinedScorer:
+        """The same on another pool; see :meth:`Evaluator.with_pool`."""
+        return self.over([e.with_pool(pool) if isinstance(e, Evaluator) else e for e in self.evaluators])
+
+    def over(self, evaluators: Sequence[Scorer]) -> CombinedScorer:
+        """The same rule and yardsticks over other views of the same benchmarks."""
+        return CombinedScorer(evaluators, self.how, self.changes)
+
+    def release(self) -> None:
+        """Let go of all networks and workers."""
+        for evaluator in self.evaluators:
+            if isinstance(evaluator, Evaluator):
+                evaluator.release()
+
+    def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
+        return Outcome(
+            self.combined([outcome.score for outcome in outcomes]),
+            math.fsum(outcome.seconds for outcome in outcomes),
+            all(outcome.cached for outcome in outcomes),
+            next((outcome.error for outcome in outcomes if outcome.error), None),
+            "+".join(outcome.key for outcome in outcomes),
+            self._parts(outcomes),
+        )
+
+    def _parts(self, outcomes: Sequence[Outcome]) -> tuple[Part, ...]:
+        if any(outcome.failed for outcome in outcomes):
+            return ()
+        return tuple(
+            Part(
+                self.combined([part.guiding for part in split]), self.combined([part.held for part in split])
+            )
+            for split in zip(*(outcome.parts for outcome in outcomes), strict=True)
+        )
+
+    def combined(self, scores: Sequence[float]) -> float:
+        """Mean or worst of the benchmarks that have a score; NaN stands for one without an image there."""
+        if self.changes is not None:
+            yardsticks = self.changes.yardsticks()
+            scores = [stick.change(score) for stick, score in zip(yardsticks, scores, strict=True)]
+        known = [score for score in scores if not math.isnan(score)]
+        if not known:
+            return math.nan
+        return max(known) if self.how == "worst" else math.fsum(known) / len(known)

@@ -1,0 +1,96 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flat_world import flat_pool
+
+import sfkit
+from sfkit.analysis.trust import Trust, agreement, is_collapsed, stability, trust, yardstick_recipes
+from sfkit.datasets import MemoryPair, Sample, memory_benchmark
+from sfkit.errors import InputError
+from sfkit.evaluation import Evaluator
+
+SOUND = Trust(None, 0.9, 0.8, 0.95, 0.0, 8)
+
+
+def test_agreement_with_labels_by_hand() -> None:
+    census, truth = [1, 2, 3, 4, 5, 6, 7, 8], [10, 30, 20, 40, 50, 60, 70, 80]
+    found = agreement(census, truth, "bad-1.0 on here")
+    assert found.correlation == pytest.approx(1 - 6 * 2 / (8 * 63))  # one swap: two squared differences of 1
+    assert found.interval[0] < found.correlation <= found.interval[1]
+    assert found.regret == 0.0
+    assert agreement(census[::-1], truth, "x").regret == 70.0
+    assert agreement(census, truth, "bad-1.0 on here") == found, "its draws come from the seed"
+    with pytest.raises(InputError, match="expected as many of both, at least 8"):
+        agreement(census[:7], truth[:7], "x")
+
+
+def test_stability_over_halves_of_the_pairs() -> None:
+    agreed = np.arange(6.0)[:, None] + np.zeros(4)
+    assert stability(agreed) == pytest.approx(1.0)
+    noise = np.random.default_rng(0).normal(size=(40, 6))
+    assert abs(stability(noise)) < 0.35
+    assert np.isnan(stability(agreed[:2]))
+    assert np.isnan(stability(agreed[:, :1]))
+
+
+def test_what_collapsed_means() -> None:
+    ramp = np.linspace(0, 40, 600).reshape(20, 30)
+    assert not is_collapsed(ramp)
+    assert is_collapsed(np.full((20, 30), 12.0))
+    assert is_collapsed(np.zeros((20, 30)))
+    assert is_collapsed(ramp / 100)
+
+
+def test_each_doubt_is_said() -> None:
+    assert SOUND.trusted
+    assert "Nothing speaks against the ranking without labels" in SOUND.sentence
+    weak = agreement([1, 2, 3, 4, 5, 6, 7, 8], [3, 1, 4, 1, 5, 9, 2, 6], "bad-3.0 on hazy-road")
+    said = Trust(weak, 0.3, 0.1, 0.5, 0.5, 2).sentence
+    assert said.startswith(
+        "Do not trust the ranking without labels yet: over 8 networks it ranks as bad-3.0 on hazy-road"
+    )
+    for part in (
+        "2 pairs can be overfitted",
+        "with a correlation of 0.30",
+        "10 % of the pixels have texture",
+        "50 % of the matches lie inside",
+        "50 % of the best network's maps are nearly constant",
+    ):
+        assert part in said
+
+
+def test_a_network_that_wins_by_collapsing_is_caught(tmp_path: Path) -> None:
+    pool = flat_pool(tmp_path, {"low": 4.0, "high": 12.0, "higher": 14.0})
+    wall = [np.full((24, 60, 3), 90 + n, np.uint8) for n in range(5)]
+    for n, image in enumerate(wall):
+        image[n, n] = 200  # not one flat colour, and no texture to speak of
+    truth = np.full((24, 60), 9, np.float32)
+    pairs = [
+        MemoryPair(
+            f"wall{n}", Sample(f"wall{n}", image, np.roll(image, 1, 0), np.full((24, 60), 9, np.float32))
+        )
+        for n, image in enumerate(wall)
+    ]
+    scorer = Evaluator(pool, memory_benchmark("walls", pairs, metric="census"))
+    found = trust(scorer, yardstick_recipes(pool))
+    assert found.collapsed == 1.0
+    assert found.texture < 0.3
+    assert "may win where images have no texture" in found.sentence
+    with pytest.raises(InputError, match="found the metric epe, expected a scorer by census"):
+        trust(Evaluator(pool, memory_benchmark("walls", pairs, metric="epe")), [pool.base_recipe()])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("world", ["courtyard", "indoor-rooms"])
+def test_on_the_bank_it_says_where_labels_contradict(world: str) -> None:
+    pool = sfkit.open_pool("bank")
+    unlabelled = Evaluator(pool, sfkit.open_benchmark(f"bank:{world}", pairs=4, metric="census"))
+    labelled = Evaluator(pool, sfkit.open_benchmark(f"bank:{world}", pairs=4))
+    found = trust(unlabelled, yardstick_recipes(pool), labelled=labelled)
+    assert found.agreement is not None
+    contradicted = found.agreement.interval[0] < 0.6
+    assert ("it ranks as bad-3.0" in found.sentence) == contradicted
+    assert contradicted == (world == "indoor-rooms")
