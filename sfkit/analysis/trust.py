@@ -99,7 +99,7 @@ class Trust:
             found.append(f"under the best network {100 * self.inside:.0f} % of matches lie inside the image")
         if self.collapsed > 0:
             found.append(
-                f"{100 * self.collapsed:.0f} % of the best network's maps are nearly constant or nearly zero: "
+                f"{100 * self.collapsed:.0f} % of the best network's maps are nearly constant or zero: "
                 "it may win where images have no texture"
             )
         return tuple(found)

@@ -13,7 +13,7 @@ import typer
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.datasets.calibration import Calibration, read_calibration
 from sfkit.errors import InputError
-from sfkit.evaluation.prediction import PredictionPlan, match_pairs, predict_files
+from sfkit.evaluation.prediction import PredictionFiles, PredictionPlan, match_pairs, predict_files
 from sfkit.merging.network import load_network
 
 
@@ -36,6 +36,10 @@ def predict(
     ] = None,
     focal: Annotated[float | None, typer.Option(help="Focal length in pixels; gives depth.")] = None,
     baseline: Annotated[float | None, typer.Option(help="Distance of the cameras in metres.")] = None,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Check each by its pair: residual, consistency, a confidence PNG."),
+    ] = False,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -49,7 +53,7 @@ def predict(
     pairs = match_pairs(left, right)
     cameras = _calibration(calibration, focal, baseline)
     options = dict(_option(text) for text in option or [])
-    plan = PredictionPlan.of(pairs, out, form=form, calibration=cameras, overwrite=force)
+    plan = PredictionPlan.of(pairs, out, form=form, calibration=cameras, check=check, overwrite=force)
     model = load_network(file, name=architecture, options=options)
     rows = []
     for number, written in enumerate(predict_files(model, plan), 1):
@@ -61,15 +65,35 @@ def predict(
                 "depth": written.depth,
                 "median_px": written.median,
                 "nonfinite": written.nonfinite,
+                **_checked(written),
             }
         )
     text = "\n".join(_line(row) for row in rows)
     emit({"predictions": rows}, text, as_json=json)
 
 
+def _checked(written: PredictionFiles) -> dict[str, Any]:
+    """What the pair says about its prediction; nothing without ``--check``."""
+    if written.check is None:
+        return {}
+    found = written.check
+    return {
+        "confidence": written.confidence,
+        "census_percent": found.residual,
+        "inside": found.inside,
+        "consistent": found.consistent,
+    }
+
+
 def _line(row: Mapping[str, Any]) -> str:
     broken = f", {row['nonfinite']} pixels are not finite" if row["nonfinite"] else ""
-    return f"{row['disparity']}: median {row['median_px']:.2f} px{broken}"
+    check = ""
+    if "consistent" in row:
+        check = (
+            f", census {row['census_percent']:.2f} %, {100 * row['consistent']:.0f} % consistent, "
+            f"{100 * row['inside']:.0f} % inside"
+        )
+    return f"{row['disparity']}: median {row['median_px']:.2f} px{broken}{check}"
 
 
 def _option(text: str) -> tuple[str, Any]:

@@ -18,6 +18,7 @@ from sfkit.datasets.formats import write_disparity_png16
 from sfkit.datasets.images import read_image
 from sfkit.datasets.pfm import write_pfm
 from sfkit.errors import InputError, SfkitError, unknown_name
+from sfkit.evaluation.self_check import SelfCheck, self_check
 from sfkit.files import unwritable
 from sfkit.merging.network import LoadedNetwork
 
@@ -27,13 +28,15 @@ FORMS = ("pfm", "png16")
 
 @dataclass(frozen=True)
 class PredictionFiles:
-    """What was written for one pair; the depth map where a calibration was given."""
+    """What was written for one pair; depth and check where they were asked for."""
 
     disparity: Path
     preview: Path
     depth: Path | None
     median: float
     nonfinite: int
+    confidence: Path | None = None
+    check: SelfCheck | None = None
 
 
 def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
@@ -88,12 +91,14 @@ class PredictionPlan:
         stems: where each pair's files go, without their endings.
         form: ``pfm`` (float32) or ``png16`` (16-bit, disparity * 256).
         calibration: turns disparity into depth in metres.
+        check: whether each prediction is checked by its pair, at the cost of a second one.
     """
 
     pairs: tuple[tuple[Path, Path], ...]
     stems: tuple[Path, ...]
     form: str
     calibration: Calibration | None
+    check: bool = False
 
     @classmethod
     def of(
@@ -103,6 +108,7 @@ class PredictionPlan:
         *,
         form: str = "pfm",
         calibration: Calibration | None = None,
+        check: bool = False,
         overwrite: bool = False,
     ) -> PredictionPlan:
         """Check all that would fail or be lost later, before a network is loaded; nothing is written.
@@ -112,6 +118,7 @@ class PredictionPlan:
             out: the folder for ``NAME.pfm`` or ``NAME.png``, ``NAME_colour.png``, ``NAME_depth.pfm``.
             form: ``pfm`` or ``png16``.
             calibration: asks for depth.
+            check: asks for a check of each, and ``NAME_confidence.png``.
             overwrite: whether files that exist may be replaced; the images themselves never are.
 
         Raises:
@@ -122,16 +129,17 @@ class PredictionPlan:
             raise unknown_name("form", form, FORMS)
         if (place := unwritable(out)) is not None:
             raise InputError(f"{out}: {place} is no folder that can be written to, choose another place")
-        plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), form, calibration)
+        plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), form, calibration, check)
         plan._check_targets(overwrite=overwrite)
         for left, right in pairs:
             _read_pair(left, right)
         return plan
 
     def targets(self, number: int) -> tuple[Path, ...]:
-        """One pair's disparity, preview and, with a calibration, depth."""
+        """One pair's disparity, preview and, where asked for, depth and confidence."""
         suffix = ".pfm" if self.form == "pfm" else ".png"
-        names = (suffix, "_colour.png", "_depth.pfm") if self.calibration else (suffix, "_colour.png")
+        names = [suffix, "_colour.png", *(["_depth.pfm"] if self.calibration else [])]
+        names += ["_confidence.png"] if self.check else []
         stem = self.stems[number]
         return tuple(stem.with_name(stem.name + name) for name in names)
 
@@ -161,10 +169,18 @@ def predict_files(model: LoadedNetwork, plan: PredictionPlan) -> Iterator[Predic
         first, second = _read_pair(left, right)
         try:
             disparity = predict(model, first, second)
+            of_right = _of_right(model, first, second) if plan.check else None
         except Exception as error:  # whatever a network raises; the pair it raised on is what helps
             reason = str(error).partition("\n")[0]
             raise SfkitError(f"{left}: the network failed ({type(error).__name__}: {reason})") from error
-        yield _write(disparity, plan.targets(number), plan)
+        check = None if of_right is None else self_check(first, second, disparity, of_right)
+        yield _write(disparity, plan.targets(number), plan, check)
+
+
+def _of_right(model: LoadedNetwork, left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Disparity (H, W) of the right view: the mirrored pair has its cameras in order again."""
+    mirrored = (np.ascontiguousarray(image[:, ::-1]) for image in (right, left))
+    return np.ascontiguousarray(predict(model, *mirrored)[:, ::-1])
 
 
 def _read_pair(left: Path, right: Path) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -177,8 +193,12 @@ def _read_pair(left: Path, right: Path) -> tuple[NDArray[np.uint8], NDArray[np.u
     return first, second
 
 
-def _write(disparity: NDArray[np.float32], targets: Sequence[Path], plan: PredictionPlan) -> PredictionFiles:
-    target, preview, *depth = targets
+def _write(
+    disparity: NDArray[np.float32], targets: Sequence[Path], plan: PredictionPlan, check: SelfCheck | None
+) -> PredictionFiles:
+    target, preview, *more = targets
+    depth = more.pop(0) if plan.calibration is not None else None
+    confidence = more.pop(0) if check is not None else None
     target.parent.mkdir(parents=True, exist_ok=True)
     finite = np.isfinite(disparity)
     if plan.form == "pfm":
@@ -187,10 +207,15 @@ def _write(disparity: NDArray[np.float32], targets: Sequence[Path], plan: Predic
         write_disparity_png16(target, np.where(finite & (disparity > 0), disparity, np.nan))
     if not cv2.imwrite(str(preview), preview_of(disparity)[..., ::-1]):
         raise OSError(errno.EIO, "cannot be written", str(preview))
-    if plan.calibration is not None:
-        write_pfm(depth[0], depth_of(disparity, plan.calibration))
+    if depth is not None and plan.calibration is not None:
+        write_pfm(depth, depth_of(disparity, plan.calibration))
+    if confidence is not None and check is not None:
+        levels = np.rint(255 * check.confidence).astype(np.uint8)
+        if not cv2.imwrite(str(confidence), levels):
+            raise OSError(errno.EIO, "cannot be written", str(confidence))
     median = float(np.median(disparity[finite])) if finite.any() else float("nan")
-    return PredictionFiles(target, preview, depth[0] if depth else None, median, int((~finite).sum()))
+    broken = int((~finite).sum())
+    return PredictionFiles(target, preview, depth, median, broken, confidence, check)
 
 
 def depth_of(disparity: NDArray[np.float32], calibration: Calibration) -> NDArray[np.float32]:

@@ -56,7 +56,7 @@ def test_each_doubt_is_said() -> None:
         "2 pairs can be overfitted",
         "with a correlation of 0.30",
         "10 % of the pixels have texture",
-        "50 % of the matches lie inside",
+        "50 % of matches lie inside",
         "50 % of the best network's maps are nearly constant",
     ):
         assert part in said
@@ -67,7 +67,6 @@ def test_a_network_that_wins_by_collapsing_is_caught(tmp_path: Path) -> None:
     wall = [np.full((24, 60, 3), 90 + n, np.uint8) for n in range(5)]
     for n, image in enumerate(wall):
         image[n, n] = 200  # not one flat colour, and no texture to speak of
-    truth = np.full((24, 60), 9, np.float32)
     pairs = [
         MemoryPair(
             f"wall{n}", Sample(f"wall{n}", image, np.roll(image, 1, 0), np.full((24, 60), 9, np.float32))
