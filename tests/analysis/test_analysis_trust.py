@@ -83,13 +83,14 @@ def test_a_network_that_wins_by_collapsing_is_caught(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("world", ["courtyard", "indoor-rooms"])
-def test_on_the_bank_it_says_where_labels_contradict(world: str) -> None:
+def test_on_the_bank_it_says_that_labels_contradict() -> None:
     pool = sfkit.open_pool("bank")
-    unlabelled = Evaluator(pool, sfkit.open_benchmark(f"bank:{world}", pairs=4, metric="census"))
-    labelled = Evaluator(pool, sfkit.open_benchmark(f"bank:{world}", pairs=4))
+    name = "bank:indoor-rooms"
+    unlabelled = Evaluator(pool, sfkit.open_benchmark(name, pairs=4, metric="census"))
+    labelled = Evaluator(pool, sfkit.open_benchmark(name, pairs=4))
     found = trust(unlabelled, yardstick_recipes(pool), labelled=labelled)
     assert found.agreement is not None
-    contradicted = found.agreement.interval[0] < 0.6
-    assert ("it ranks as bad-3.0" in found.sentence) == contradicted
-    assert contradicted == (world == "indoor-rooms")
+    assert found.agreement.interval[0] < 0.6
+    assert found.sentence.startswith(
+        "Do not trust the ranking without labels yet: over 24 networks it ranks as"
+    )
