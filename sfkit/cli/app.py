@@ -11,7 +11,21 @@ from typing import TextIO
 import typer
 
 import sfkit
-from sfkit.cli import bank, baselines, cache, data, demo, evaluate, merge, predict, report, runs, search, show
+from sfkit.cli import (
+    bank,
+    baselines,
+    cache,
+    data,
+    demo,
+    evaluate,
+    finetune,
+    merge,
+    predict,
+    report,
+    runs,
+    search,
+    show,
+)
 from sfkit.cli import code as own_code
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
@@ -26,6 +40,7 @@ app = typer.Typer(
 )
 app.command("demo")(demo.demo)
 app.command("search")(search.search)
+app.command("finetune")(finetune.command)
 app.command("merge")(merge.merge)
 app.command("evaluate")(evaluate.evaluate)
 app.command("baselines")(baselines.baselines)

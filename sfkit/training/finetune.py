@@ -5,8 +5,10 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
@@ -29,7 +31,7 @@ from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.training.loop import Course, Listener, Task, train
-from sfkit.training.objectives import recipe_of
+from sfkit.training.recipes import recipe_of
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
 
@@ -104,17 +106,19 @@ def finetune(
     settings = settings or TrainingSettings()
     out = check_target(out, form, overwrite=overwrite)
     entry, chosen, network, layout, origin = _start(base, name, options or {}, settings)
-    recipe = recipe_of(entry.name, network)
+    recipe = recipe_of(network, settings.limit)
     for key, parameter in network.named_parameters():
-        parameter.requires_grad_(not entry.is_frozen(key))
-    rate, limit = settings.rate or recipe.rate, settings.limit or recipe.limit
+        parameter.requires_grad_(
+            not (entry.is_frozen(key) or any(fnmatchcase(key, dead) for dead in entry.dead))
+        )
+    rate, limit = settings.rate or recipe.rate, recipe.limit
     made = {
         "architecture": {"name": entry.name, "version": entry.version, "options": dict(chosen)},
         "base": origin,
         "data": data.describe(),
         "settings": settings.describe(),
         "rate": rate,
-        "limit": limit,
+        "limit": None if math.isinf(limit) else limit,
         "steps": settings.steps(len(data)),
         "samples": settings.steps(len(data)) * settings.batch,
         "licence": licence or data.licence,

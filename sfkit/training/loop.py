@@ -19,7 +19,8 @@ from sfkit.architectures import InputConvention
 from sfkit.datasets.pairs import Pair
 from sfkit.errors import InputError, SfkitError
 from sfkit.training.batches import Batches, Tensors, stacked
-from sfkit.training.objectives import Groups, Objective
+from sfkit.training.objectives import Objective
+from sfkit.training.recipes import Groups
 from sfkit.training.schedule import one_cycle
 from sfkit.training.settings import Precision, TrainingSettings
 from sfkit.training.state import last_state, save_state

@@ -1,0 +1,180 @@
+"""``sfkit finetune``: from a base and a training set to a source."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch.distributed as dist
+import typer
+
+from sfkit.checkpoints.writing import FileForm
+from sfkit.cli.options import CodingOption, ForceOption, JsonOption, PairsOption, emit, say
+from sfkit.datasets.benchmark import open_benchmark
+from sfkit.datasets.training_sets import open_training_set
+from sfkit.errors import InputError
+from sfkit.training.finetune import Source, finetune, training_folder
+from sfkit.training.loop import Course
+from sfkit.training.settings import TrainingSettings
+
+SHOWN_EVERY = 10
+
+
+def command(
+    base: Annotated[Path, typer.Argument(help="The checkpoint to start from.")],
+    data: Annotated[str, typer.Argument(help="sceneflow, vkitti2, ..., a benchmark's name, or pairs.")],
+    root: Annotated[Path, typer.Option("--root", "-r", help="The training set's folder; any part of it.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="The source's file to write.")],
+    architecture: Annotated[
+        str | None, typer.Option("--architecture", "-a", help="For a base that does not say it.")
+    ] = None,
+    settings: Annotated[
+        Path | None, typer.Option("--settings", help="A TOML file of training settings.")
+    ] = None,
+    epochs: Annotated[int | None, typer.Option(help="Passes over the training set; 10.")] = None,
+    max_steps: Annotated[int | None, typer.Option(help="No more steps than this; 31250.")] = None,
+    batch: Annotated[int | None, typer.Option(help="Pairs a step, over all processes; 8.")] = None,
+    micro_batch: Annotated[int | None, typer.Option(help="Pairs in one forward pass.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Peak learning rate.")] = None,
+    crop: Annotated[str | None, typer.Option(help="Height x width, such as 256x512, or none.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Of order, crops and colours; 0.")] = None,
+    precision: Annotated[str | None, typer.Option(help="float32 or bfloat16.")] = None,
+    train_batch_norm: Annotated[
+        bool, typer.Option("--train-batch-norm", help="Let running statistics change.")
+    ] = False,
+    hold_out: Annotated[
+        bool, typer.Option("--hold-out/--all", help="Keep the held-out sequences from training, or not.")
+    ] = True,
+    csv: PairsOption = None,
+    coding: CodingOption = None,
+    validation: Annotated[
+        str | None, typer.Option(help="A benchmark to score as it goes; it guides nothing.")
+    ] = None,
+    validation_root: Annotated[Path | None, typer.Option(help="That benchmark's folder.")] = None,
+    device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:N.")] = "cpu",
+    licence: Annotated[str, typer.Option(help="Of the source; the training set's unless given.")] = "",
+    form: Annotated[
+        FileForm, typer.Option(help="safetensors, or the base's own torch layout.")
+    ] = FileForm.SAFETENSORS,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Fine-tune a checkpoint on one training set.
+
+    Stopped at any moment and started again, it goes on and ends with the same file. Several GPUs: start it
+    with torchrun, which changes no result while batch norm is frozen.
+
+    \b
+    Examples:
+      sfkit finetune sceneflow.tar vkitti2 -a anynet --root ~/VirtualKITTI2 -o vkitti2.safetensors
+      torchrun --nproc-per-node 4 -m sfkit finetune base.pth fsd -a nmrf-swint -r ~/FSD -o fsd.safetensors
+    """
+    chosen = _settings(
+        settings,
+        epochs=epochs,
+        max_steps=max_steps,
+        batch=batch,
+        micro_batch=micro_batch,
+        rate=rate,
+        seed=seed,
+        precision=precision,
+        freeze_batch_norm=False if train_batch_norm else None,
+    )
+    if crop is not None:
+        chosen = replace(chosen, augmentation=replace(chosen.augmentation, crop=_crop(crop)))
+    pairs = open_training_set(data, root, hold_out=hold_out, coding=coding, table=csv)
+    say(f"{pairs.name}: {pairs.coverage}, {len(pairs.held_out)} held out, {chosen.steps(len(pairs))} steps")
+    scored = None if validation is None else open_benchmark(validation, validation_root)
+    with _Processes(device):
+        source = finetune(
+            base,
+            pairs,
+            out,
+            name=architecture,
+            settings=chosen,
+            validation=scored,
+            device=device,
+            licence=licence,
+            form=form,
+            overwrite=force,
+            listen=progress(),
+        )
+    if int(os.environ.get("RANK", 0)) == 0:
+        emit(*_told(source), as_json=json)
+
+
+def _told(source: Source) -> tuple[dict[str, Any], str]:
+    document = {
+        "file": source.path,
+        "steps": source.steps,
+        "samples": source.samples,
+        "loss": source.loss,
+        "seconds": source.seconds,
+        "scores": dict(source.scores),
+        "broken": dict(source.broken),
+        "curve": training_folder(source.path) / "training.csv",
+    }
+    lines = [
+        f"wrote {source.path}",
+        f"  {source.steps} steps, {source.samples} samples in {source.seconds:.0f} s, loss {source.loss:.3f}",
+        *(f"  could not be read: {name}: {why}" for name, why in source.broken.items()),
+    ]
+    return document, "\n".join(lines)
+
+
+def progress() -> Callable[[Course], None]:
+    """Says loss, rate, pairs a second and the time left, every ten steps."""
+
+    def hear(course: Course) -> None:
+        if course.done % SHOWN_EVERY and course.done != course.steps:
+            return
+        step, pace = course.last, course.seconds / course.done
+        score = f", validation {course.scores[-1][1]:.2f}" if course.scores else ""
+        say(
+            f"step {step.number} of {course.steps}: loss {step.loss:.3f}, rate {step.rate:.1e}, "
+            f"{pace:.2f} s a step, {pace * (course.steps - course.done):.0f} s left{score}"
+        )
+
+    return hear
+
+
+def _settings(path: Path | None, **given: Any) -> TrainingSettings:
+    """What a file says, and above it what the command line does."""
+    stated: dict[str, Any] = {}
+    if path is not None:
+        try:
+            stated = tomllib.loads(path.read_text(encoding="utf-8"))
+        except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(
+                f"{path}: cannot be read as TOML ({error}), expected training settings"
+            ) from error
+    stated |= {key: value for key, value in given.items() if value is not None}
+    return TrainingSettings.from_dict(stated, str(path or "the command line"))
+
+
+def _crop(text: str) -> tuple[int, int] | None:
+    if text == "none":
+        return None
+    height, cross, width = text.partition("x")
+    if not (cross and height.isdecimal() and width.isdecimal()):
+        raise InputError(f"--crop is {text!r}, expected height x width in pixels, such as 256x512, or none")
+    return int(height), int(width)
+
+
+class _Processes:
+    """The process group that torchrun asks for; nothing without it."""
+
+    def __init__(self, device: str) -> None:
+        self.backend = "nccl" if device.startswith("cuda") else "gloo"
+
+    def __enter__(self) -> None:
+        if "RANK" in os.environ:
+            dist.init_process_group(self.backend)
+
+    def __exit__(self, *_error: object) -> None:
+        if dist.is_initialized():
+            dist.destroy_process_group()
