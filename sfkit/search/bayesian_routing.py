@@ -242,11 +242,14 @@ class BayesianRoutingSearch(RoutingSearch):
     def _model(self) -> Surrogate | None:
         """What this search's candidates and everything scored before tell; None where nothing has a score."""
         own = [candidate for candidate in self._state.candidates if not candidate.repeated]
-        scores = np.array([*(c.score for c in own), *(entry.score for entry in self.known)])
+        met = {candidate.recipe for candidate in own}
+        others = [n for n, entry in enumerate(self.known) if entry.recipe not in met]
+        scores = np.array([*(c.score for c in own), *(self.known[n].score for n in others)])
         if len(scores) < 2 or not np.isfinite(scores).any():
             return None
         mine = recipe_features((c.recipe for c in own), self._names, self.blocks)
-        return learned(tuple(np.concatenate(groups) for groups in zip(mine, self._seen, strict=True)), scores)
+        heard = tuple(group[others] for group in self._seen)
+        return learned(tuple(np.concatenate(groups) for groups in zip(mine, heard, strict=True)), scores)
 
     def _points(self, draws: Array) -> Points:
         """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""

@@ -147,7 +147,12 @@ class BayesianSubsetSearch(SubsetSearch):
         for entry in self.known:
             require_known("known", entry.recipe.sources, self.sources, "source")
             require_known("known", self.blocks, entry.recipe.blocks, "block")
-        self._others = tuple(k for k in self.known if self._chromosome(k.recipe) is None)
+        alone = {self.recipe((gene,)) for gene in self._alone}
+        self._others = tuple(
+            entry
+            for entry in self.known
+            if entry.recipe not in alone and self._chromosome(entry.recipe) is None
+        )
 
     @property
     def reason(self) -> str | None:
@@ -209,9 +214,13 @@ class BayesianSubsetSearch(SubsetSearch):
         while len(drafts) < wanted:
             drawn = self._unmet(drafts, rng)
             drafts[drawn] = Draft(drawn, (), ("random",))
-        alone = self.space.allowed if self.settings.singles else ()
-        first = [*(Draft((gene,), (), ("single",)) for gene in alone), *drafts.values()]
+        first = [*(Draft((gene,), (), ("single",)) for gene in self._alone), *drafts.values()]
         return first, [None] * len(first)
+
+    @property
+    def _alone(self) -> Chromosome:
+        """Sources that are scored alone."""
+        return self.space.allowed if self.settings.singles else ()
 
     def _proposed(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
         """The next batch: each minimises the bound of a model that believes in those before it."""

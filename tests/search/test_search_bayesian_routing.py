@@ -10,11 +10,12 @@ import pytest
 from search_landscapes import BLOCKS, Scorer, names
 
 from sfkit.errors import InputError
-from sfkit.evaluation.known import Known, recipe_features
+from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search import Constraints, RoutingSearch, RoutingSettings
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+from sfkit.search.surrogate import recipe_features
 
 SOURCES = names(3)
 WEIGHTS, SCALES = (0.6, 0.3, 0.1), (1.2, 0.8, 1.0)

@@ -98,10 +98,12 @@ def test_what_is_known_is_taken_up_and_what_is_no_subset_only_teaches() -> None:
     known = [Known(Recipe.equal(sorted(subset), BLOCKS), score(subset)) for subset in every[::4]]
     known.append(Known(Recipe.equal(sorted(best), BLOCKS), score(best), "hand edit"))
     known.append(Known(routed(names(7)[:2], BLOCKS, [(0.9, 0.1)] * 3, (0.5, 1.0, 1.0)), 9.0, "hand edit"))
+    known.append(Known(Recipe.equal(names(7)[:1], BLOCKS), score(names(7)[:1])))
     search = BayesianSubsetSearch(names(7), BLOCKS, scorer_of(7, 2), QUICK, known=known)
     search.step()
+    assert [entry.origin for entry in search._others] == ["hand edit"], "what is a candidate teaches once"
     taken = [c for c in search.candidates if c.operators == ("known",)]
-    assert len(taken) == len(known) - 1
+    assert len(taken) == len({k.recipe for k in known}) - 2
     assert search.best is not None
     assert set(search.best.subset) == best
     search.step()
