@@ -18,6 +18,7 @@ from sfkit.cli import (
     data,
     demo,
     evaluate,
+    factory,
     finetune,
     merge,
     predict,
@@ -48,6 +49,7 @@ app.command("predict")(predict.predict)
 app.command("show")(show.show)
 app.command("report")(report.report)
 app.add_typer(data.app, name="data")
+app.add_typer(factory.app, name="factory")
 app.add_typer(bank.app, name="bank")
 app.add_typer(runs.app, name="runs")
 app.add_typer(cache.app, name="cache")

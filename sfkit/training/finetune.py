@@ -31,7 +31,7 @@ from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.training.loop import Course, Listener, Task, train
-from sfkit.training.recipes import recipe_of
+from sfkit.training.recipes import TrainingRecipe, recipe_of
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
 
@@ -111,26 +111,14 @@ def finetune(
         parameter.requires_grad_(
             not (entry.is_frozen(key) or any(fnmatchcase(key, dead) for dead in entry.dead))
         )
-    rate, limit = settings.rate or recipe.rate, recipe.limit
-    made = {
-        "architecture": {"name": entry.name, "version": entry.version, "options": dict(chosen)},
-        "base": origin,
-        "data": data.describe(),
-        "settings": settings.describe(),
-        "rate": rate,
-        "limit": None if math.isinf(limit) else limit,
-        "steps": settings.steps(len(data)),
-        "samples": settings.steps(len(data)) * settings.batch,
-        "licence": licence or data.licence,
-        "versions": {"sfkit": version("sfkit"), "torch": torch.__version__},
-    }
+    made = _made(entry, chosen, origin, data, settings, recipe, licence)
     folder = training_folder(out)
     task = Task(
         network=network,
         inputs=entry.inputs(chosen),
         objective=recipe.objective,
-        groups=recipe.groups(network, rate, settings.weight_decay),
-        limit=limit,
+        groups=recipe.groups(network, settings.rate or recipe.rate, settings.weight_decay),
+        limit=recipe.limit,
         pairs=data.pairs,
         settings=settings,
         folder=folder,
@@ -148,6 +136,44 @@ def finetune(
         )
         _drop_states(folder)
     return result
+
+
+def intended(
+    base: str | Path,
+    data: TrainingSet,
+    *,
+    name: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    settings: TrainingSettings | None = None,
+    licence: str = "",
+) -> dict[str, Any]:
+    """What a source of :func:`finetune` with these arguments will say about itself; nothing is trained."""
+    settings = settings or TrainingSettings()
+    entry, chosen, network, _, origin = _start(base, name, options or {}, settings)
+    return _made(entry, chosen, origin, data, settings, recipe_of(network, settings.limit), licence)
+
+
+def _made(
+    entry: Architecture,
+    options: Mapping[str, Any],
+    origin: Mapping[str, str],
+    data: TrainingSet,
+    settings: TrainingSettings,
+    recipe: TrainingRecipe,
+    licence: str,
+) -> dict[str, Any]:
+    return {
+        "architecture": {"name": entry.name, "version": entry.version, "options": dict(options)},
+        "base": dict(origin),
+        "data": data.describe(),
+        "settings": settings.describe(),
+        "rate": settings.rate or recipe.rate,
+        "limit": None if math.isinf(recipe.limit) else recipe.limit,
+        "steps": settings.steps(len(data)),
+        "samples": settings.steps(len(data)) * settings.batch,
+        "licence": licence or data.licence,
+        "versions": {"sfkit": version("sfkit"), "torch": torch.__version__},
+    }
 
 
 def training_folder(out: Path) -> Path:

@@ -32,6 +32,7 @@ ROOMS = (
     "figures",
     "reports",
     "bank",
+    "factory",
     "__init__",
     "cli",
     "__main__",

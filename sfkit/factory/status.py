@@ -1,0 +1,76 @@
+"""What of a factory is done, running, stale or missing, and what the rest will cost."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sfkit.factory.file import Factory, Order
+from sfkit.training.finetune import intended, training_folder
+
+DONE, RUNNING, STALE, MISSING = "done", "begun", "stale", "missing"
+IGNORED = ("versions",)  # a newer sfkit or torch makes no source stale
+
+
+@dataclass(frozen=True)
+class Item:
+    """One network of a factory.
+
+    Attributes:
+        name: the source's, or ``joint``.
+        state: ``done``, ``begun`` (it goes on), ``stale`` (of another base, data or recipe) or ``missing``.
+        file: where it is, or will be. Its name says what it was made from, so a stale one stays beside it.
+        steps: of its training.
+        seconds: what it cost, or is expected to cost by the pace of those done; None where none is done.
+    """
+
+    name: str
+    state: str
+    file: Path
+    steps: int
+    seconds: float | None
+
+
+def status(factory: Factory) -> tuple[Item, ...]:
+    """All networks of a factory, sources first; nothing is trained."""
+    orders = (*factory.orders, *([factory.joint] if factory.joint else ()))
+    items = [_item(factory, order) for order in orders]
+    paces = [item.seconds / item.steps for item in items if item.seconds is not None]
+    pace = sum(paces) / len(paces) if paces else None
+    return tuple(
+        item
+        if item.seconds is not None or pace is None
+        else Item(item.name, item.state, item.file, item.steps, pace * item.steps)
+        for item in items
+    )
+
+
+def file_of(factory: Factory, order: Order) -> tuple[Path, Mapping[str, Any]]:
+    """Where a network lies, and what it says about itself."""
+    made = intended(
+        factory.base,
+        order.data,
+        name=factory.architecture,
+        options=factory.options,
+        settings=order.settings,
+        licence=order.licence,
+    )
+    told = {key: value for key, value in made.items() if key not in IGNORED}
+    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:10]
+    return factory.out / "sources" / f"{order.name}-{digest}.safetensors", made
+
+
+def _item(factory: Factory, order: Order) -> Item:
+    file, made = file_of(factory, order)
+    record = training_folder(file) / "training.json"
+    if file.exists():
+        seconds = float(json.loads(record.read_text())["seconds"]) if record.exists() else None
+        return Item(order.name, DONE, file, made["steps"], seconds)
+    if any(training_folder(file).glob("state-*.pt")):
+        return Item(order.name, RUNNING, file, made["steps"], None)
+    others = [p for p in file.parent.glob(f"{order.name}-*.safetensors") if p.stem[:-11] == order.name]
+    return Item(order.name, STALE if others else MISSING, file, made["steps"], None)
