@@ -15,11 +15,13 @@ from sfkit.cli import (
     bank,
     baselines,
     cache,
+    check,
     data,
     demo,
     evaluate,
     factory,
     finetune,
+    init,
     merge,
     predict,
     report,
@@ -42,6 +44,8 @@ app = typer.Typer(
 app.command("demo")(demo.demo)
 app.command("search")(search.search)
 app.command("finetune")(finetune.command)
+app.command("init")(init.init)
+app.command("check")(check.check)
 app.command("merge")(merge.merge)
 app.command("evaluate")(evaluate.evaluate)
 app.command("baselines")(baselines.baselines)

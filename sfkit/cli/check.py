@@ -1,0 +1,81 @@
+"""``sfkit check``: whether a pool's network is called rightly, and whether merging can work."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from sfkit.analysis.linear_path import linear_paths
+from sfkit.cli.options import (
+    CodingOption,
+    JsonOption,
+    MetricOption,
+    PairsOption,
+    PoolArgument,
+    ProtocolOption,
+    ResolutionOption,
+    RootOption,
+    benchmark_of,
+    emit,
+    pool_of,
+    say,
+)
+from sfkit.evaluation import Evaluator
+from sfkit.evaluation.first_call import first_call
+
+
+def check(
+    pool: PoolArgument,
+    benchmark: Annotated[
+        str | None,
+        typer.Option("--benchmark", "-b", help="Pairs to score midpoints on: eth3d, pairs, bank:NAME, ..."),
+    ] = None,
+    root: RootOption = None,
+    protocol: ProtocolOption = None,
+    metric: MetricOption = None,
+    resolution: ResolutionOption = None,
+    csv: PairsOption = None,
+    coding: CodingOption = None,
+    pairs: Annotated[int, typer.Option(min=1, help="The first so many pairs.")] = 4,
+    json: JsonOption = False,
+) -> int:
+    """Call the network once and say what is wrong; with a benchmark, score the midpoints between checkpoints.
+
+    \b
+    Examples:
+      sfkit check pool.toml
+      sfkit check pool.toml --benchmark eth3d --root ~/ETH3D
+    """
+    opened_benchmark = None
+    if benchmark is not None:
+        whole = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+        opened_benchmark = whole.first(min(pairs, len(whole.pairs)))
+    opened = pool_of(pool)
+    called = first_call(opened)
+    height, width = called.size
+    lines = [
+        f"{opened!r}",
+        f"one pass on {width}x{height}: {called.seconds:.2f} s, peak memory {called.memory / 2**30:.1f} GiB",
+        *(f"{mistake.name}: {mistake.sentence}" for mistake in called.mistakes),
+    ]
+    document = {
+        "mistakes": [{"name": m.name, "sentence": m.sentence} for m in called.mistakes],
+        "seconds": called.seconds,
+        "memory_bytes": called.memory,
+    }
+    fatal = any(mistake.fatal for mistake in called.mistakes)
+    if not called.mistakes:
+        lines.append("the network is called rightly: disparities of the right size, sign and scale")
+    if opened_benchmark is not None and not fatal:
+        say(f"scoring the midpoints on {len(opened_benchmark.pairs)} pairs of {opened_benchmark.name}")
+        with Evaluator(opened, opened_benchmark) as evaluator:
+            paths = linear_paths(evaluator)
+        lines += [paths.table().to_string(index=False, float_format="%.2f"), *paths.sentences]
+        document |= {
+            "paths": paths.table().to_dict("records"),
+            "harmful": list(paths.harmful),
+            "sentences": list(paths.sentences),
+        }
+    emit(document, "\n".join(lines), as_json=json)
+    return 1 if fatal else 0

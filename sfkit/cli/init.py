@@ -1,0 +1,47 @@
+"""``sfkit init``: a ``pool.toml`` for a folder of checkpoints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sfkit.cli.options import ForceOption, JsonOption, emit
+from sfkit.errors import InputError
+from sfkit.files import write_text
+from sfkit.merging.recognition import family, pool_toml
+
+
+def init(
+    folder: Annotated[Path, typer.Argument(help="A folder of checkpoints.", show_default=False)],
+    name: Annotated[str | None, typer.Option(help="The pool's name; the folder's unless given.")] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Write a commented pool.toml: the architecture by the keys, the base as what all others are nearest to.
+
+    \b
+    Example:
+      sfkit init checkpoints/
+    """
+    target = folder / "pool.toml"
+    if target.exists() and not force:
+        raise InputError(f"{target}: the file exists, allow overwriting it (--force)")
+    found = family(folder)
+    write_text(target, pool_toml(found, name or folder.resolve().name))
+    lines = [
+        f"wrote {target}: {found.architecture}, base {found.base.name} (guessed), "
+        f"{len(found.sources)} sources",
+        *(f"  {path.name}: cosine to the base {found.cosines[path]:.3f}" for path in found.sources),
+        *(f"  left out {why}" for why in found.skipped.values()),
+        "fill in the licences, and look at the guess before you search (sfkit check)",
+    ]
+    document = {
+        "pool": str(target),
+        "architecture": found.architecture,
+        "base": found.base.name,
+        "sources": {path.name: found.cosines[path] for path in found.sources},
+        "skipped": list(found.skipped.values()),
+    }
+    emit(document, "\n".join(lines), as_json=json)

@@ -1,0 +1,215 @@
+"""The usual mistakes of a new network, told on its first pair and before any search.
+
+A network that returns a flow, a list or a map of a quarter's size often runs through a whole search and
+scores like noise. One pair with a known shift shows what is wrong, and which option mends it.
+"""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import nn
+
+from sfkit.architectures import Architecture, InputConvention
+from sfkit.errors import InputError
+from sfkit.evaluation.engines.plan import module_of
+from sfkit.merging.pool import Pool
+
+SHIFT = 8  # pixels that the pair's right view is moved by
+SIZE = (75, 150)  # of the pair; no multiple of what networks like to divide by
+MULTIPLES = (8, 16, 32, 48, 64)
+SAME = 1e-4  # px that two calls of one network may differ by
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One thing that is wrong with how a network is called or what it returns.
+
+    Attributes:
+        name: a word for it.
+        sentence: what was found, and the option that mends it.
+        fatal: whether no evaluation can come out right.
+    """
+
+    name: str
+    sentence: str
+    fatal: bool = True
+
+
+@dataclass(frozen=True)
+class FirstCall:
+    """What one call of a pool's base showed.
+
+    Attributes:
+        mistakes: the first ones found; empty where all is well.
+        seconds: of one forward pass, the second.
+        memory: the process's highest memory so far, in bytes.
+        size: height and width of the pair, in pixels.
+    """
+
+    mistakes: tuple[Mistake, ...]
+    seconds: float
+    memory: int
+    size: tuple[int, int]
+
+
+def shifted_pair(size: tuple[int, int] = SIZE, shift: int = SHIFT) -> tuple[NDArray[np.uint8], ...]:
+    """A textured pair (H, W, 3) uint8 whose disparity is ``shift`` pixels everywhere."""
+    noise = np.random.default_rng(7).integers(0, 256, (size[0], size[1] + shift, 3), dtype=np.uint8)
+    wide = cv2.GaussianBlur(noise, (5, 5), 1.2)
+    return np.ascontiguousarray(wide[:, : size[1]]), np.ascontiguousarray(wide[:, shift:])
+
+
+def first_call(pool: Pool) -> FirstCall:
+    """Call the pool's base once or twice, and look hard at what comes back."""
+    network, entry = pool.merge(pool.base_recipe()).network, pool.architecture
+    left, right = shifted_pair()
+    inputs = entry.inputs(pool.options)
+    mistakes = [*_importable(pool), *_mode(network)]
+    started = time.perf_counter()
+    try:
+        output, fatal = _call(network, inputs, left, right)
+        started = time.perf_counter()
+        again, _ = (output, None) if fatal else _call(network, inputs, left, right)
+    except Exception as error:  # whatever a user's network raises is what is to be told
+        text = str(error).partition("\n")[0]
+        output, again, fatal = (
+            None,
+            None,
+            Mistake("call", f"the network failed ({type(error).__name__}: {text})"),
+        )
+    seconds = time.perf_counter() - started
+    mistakes += [fatal] if fatal else list(_output(output, again, inputs, entry))
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    return FirstCall(tuple(mistakes), seconds, memory, (left.shape[0], left.shape[1]))
+
+
+def _importable(pool: Pool) -> Iterator[Mistake]:
+    try:
+        module_of(pool)
+    except InputError as error:
+        yield Mistake("import", str(error), fatal=False)
+
+
+def _mode(network: nn.Module) -> Iterator[Mistake]:
+    for name, module in network.named_modules():
+        if isinstance(module, nn.modules.batchnorm._BatchNorm) and (
+            module.training or not module.track_running_stats
+        ):
+            yield Mistake(
+                "training mode",
+                f"{name} normalises by the batch it sees although the network is in evaluation mode: let its "
+                "train() pass the mode on to its modules, and keep running statistics",
+            )
+            return
+
+
+def _call(
+    network: nn.Module, inputs: InputConvention, left: NDArray[np.uint8], right: NDArray[np.uint8]
+) -> tuple[Any, Mistake | None]:
+    """The output on one pair, or the mistake that kept it from coming.
+
+    Raises:
+        Exception: whatever the network raises where neither gradients nor another size would help.
+    """
+    pair = inputs.prepare(left, right)
+    try:
+        with torch.inference_mode():
+            return network(pair.left, pair.right), None
+    except Exception:
+        if _runs(network, inputs, left, right, gradients=True):
+            return None, Mistake(
+                "gradients",
+                "the network runs only where gradients are recorded: take autograd and in-place changes of "
+                "parameters out of its forward, which evaluations call without gradients",
+            )
+        for multiple in MULTIPLES:
+            other = InputConvention(inputs.scale, inputs.mean, inputs.std, multiple, inputs.sides)
+            if multiple % inputs.multiple == 0 and _runs(network, other, left, right, gradients=False):
+                return None, Mistake(
+                    "size",
+                    f"the network fails on {left.shape[1]}x{left.shape[0]} pixels and runs where both are "
+                    f"multiples of {multiple}: say inputs=InputConvention(multiple={multiple})",
+                )
+        raise
+
+
+def _runs(
+    network: nn.Module,
+    inputs: InputConvention,
+    left: NDArray[np.uint8],
+    right: NDArray[np.uint8],
+    *,
+    gradients: bool,
+) -> bool:
+    pair = inputs.prepare(left, right)
+    try:
+        with torch.inference_mode(not gradients), torch.set_grad_enabled(gradients):
+            network(pair.left, pair.right)
+    except Exception:  # any failure answers the question
+        return False
+    return True
+
+
+def _output(output: Any, again: Any, inputs: InputConvention, entry: Architecture) -> Iterator[Mistake]:
+    """What is wrong with an output; the first thing alone where the next cannot be asked."""
+    _, (height, width) = inputs.window(*SIZE)
+    if isinstance(output, dict):
+        keys = ", ".join(map(str, output))
+        yield Mistake(
+            "dictionary", f'it returns a dictionary with {keys}: say output="key:{next(iter(output))}"'
+        )
+        return
+    if isinstance(output, (list, tuple)):
+        kind = type(output).__name__
+        yield Mistake(kind, f'it returns a {kind} of {len(output)}: say output="last" (or "first")')
+        return
+    if not isinstance(output, torch.Tensor):
+        kind = type(output).__name__
+        yield Mistake("type", f"it returns a {kind}: return a torch tensor (B, H, W) of float32")
+        return
+    if output.dtype in (torch.float16, torch.bfloat16):
+        yield Mistake(
+            "half", f"it returns {output.dtype}, which rounds disparities: return output.float()", fatal=False
+        )
+    if output.ndim == 4 and output.shape[1] == 2:
+        yield Mistake("channels", 'it returns two channels, which looks like a flow: say output="negated"')
+        return
+    found = tuple(output.shape[-2:])
+    if found != (height, width):
+        share = round(width / found[1]) if found[1] else 0
+        whole = share > 1 and found == (-(-height // share), -(-width // share))
+        mend = f"say resolution={share}" if whole else "return the input's size"
+        yield Mistake("resolution", f"it returns {found[1]}x{found[0]} for {width}x{height}: {mend}")
+        return
+    yield from _values(output.float(), again.float(), entry)
+
+
+def _values(output: torch.Tensor, again: torch.Tensor, entry: Architecture) -> Iterator[Mistake]:
+    if not bool(torch.isfinite(output).all()):
+        yield Mistake("finite", "it returns values that are not finite: is its input as in training?")
+        return
+    apart = float((output - again).abs().max())
+    if apart > SAME:
+        yield Mistake(
+            "random",
+            f"two calls on one pair differ by {apart:.3g} px: draw nothing at random in evaluation mode "
+            "(dropout, samples), or no score can be repeated",
+        )
+    middle = float(output.median())
+    if middle < 0:
+        yield Mistake("sign", f'its disparities are negative (median {middle:.2f} px): say output="negated"')
+    elif float(output.max()) <= 1.0:
+        yield Mistake(
+            "fraction",
+            f"its values stay below 1 (median {middle:.3f}) on a pair shifted by {SHIFT} px, which looks "
+            f'like a share of the width: say output="fraction"',
+        )

@@ -1,0 +1,145 @@
+"""What a checkpoint is, from its keys; which of several is the base of the others, from their distances."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+import torch
+
+from sfkit.architectures import architecture, architectures
+from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
+from sfkit.errors import InputError, SfkitWarning
+from sfkit.merging.members import PoolOpener
+from sfkit.merging.skeleton import skeleton
+
+
+@dataclass(frozen=True)
+class Family:
+    """Checkpoints of one architecture in a folder.
+
+    Attributes:
+        architecture: its name, recognised by the keys.
+        base: the guess of what all were fine-tuned from: even the farthest other is near to it.
+        sources: the other files.
+        distances: file -> distance to the farthest of the others, as a share of its norm.
+        cosines: file -> cosine of its weights to the base's.
+        skipped: file -> why it is no member.
+    """
+
+    architecture: str
+    base: Path
+    sources: tuple[Path, ...]
+    distances: Mapping[Path, float]
+    cosines: Mapping[Path, float]
+    skipped: Mapping[Path, str]
+
+
+def recognised(path: Path) -> tuple[str, ...]:
+    """The architectures, with their default options, that a checkpoint's keys and shapes fit."""
+    fitting = []
+    for name in architectures():
+        entry = architecture(name)
+        if entry.places:  # built from a checkout that nobody has named
+            continue
+        try:
+            options = entry.resolve(near=path)
+            PoolOpener(entry, options, skeleton(entry, options)).read(path, is_base=False)
+        except InputError:
+            continue
+        fitting.append(name)
+    return tuple(fitting)
+
+
+def family(folder: Path) -> Family:
+    """The checkpoints of a folder as a pool: one architecture, a base, and sources.
+
+    Raises:
+        InputError: no folder, fewer than two checkpoints, or none whose architecture is known.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder, expected one of checkpoints")
+    files = sorted(path for path in folder.iterdir() if path.is_file() and is_checkpoint_name(path))
+    if len(files) < 2:
+        raise InputError(f"{folder}: found {len(files)} checkpoints, expected a base and at least one source")
+    kinds: dict[Path, tuple[str, ...]] = {}
+    skipped: dict[Path, str] = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SfkitWarning)
+        for path in files:
+            try:
+                read_checkpoint(path)
+            except InputError as error:
+                skipped[path] = str(error)
+                continue
+            kinds[path] = recognised(path)
+            if not kinds[path]:
+                skipped[path] = f"{path}: fits no architecture sfkit knows"
+    counts = {name: sum(name in found for found in kinds.values()) for name in architectures()}
+    name = max(counts, key=lambda candidate: counts[candidate])
+    members = [path for path, found in kinds.items() if name in found]
+    if len(members) < 2:
+        raise InputError(
+            f"{folder}: found {len(members)} checkpoints of one known architecture, expected two or more: "
+            "name your own with --import FILE, or write pool.toml by hand"
+        )
+    skipped |= {p: f"{p}: fits {', '.join(f)}, not {name}" for p, f in kinds.items() if f and name not in f}
+    return _family(name, members, skipped)
+
+
+def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str]) -> Family:
+    entry = architecture(name)
+    options = entry.resolve(near=members[0])
+    opener = PoolOpener(entry, options, skeleton(entry, options))
+    weights = {path: opener.read(path, is_base=False).tensors for path in members}
+    keys = [
+        key
+        for key, tensor in weights[members[0]].items()
+        if tensor.ndim >= 2 and tensor.is_floating_point() and all(key in held for held in weights.values())
+    ]
+    flat = {p: torch.cat([held[key].reshape(-1).double() for key in keys]) for p, held in weights.items()}
+    norms = {path: float(vector.norm()) for path, vector in flat.items()}
+    apart = {
+        frozenset(pair): float((flat[pair[0]] - flat[pair[1]]).norm()) for pair in combinations(members, 2)
+    }
+    farthest = {p: max(apart[frozenset((p, o))] for o in members if o != p) / norms[p] for p in members}
+    # Fine-tunes of fine-tunes lie in clusters, which a mean distance would follow: the largest one does not.
+    base = min(members, key=lambda path: farthest[path])
+    cosines = {p: float(flat[p] @ flat[base]) / (norms[p] * norms[base]) for p in members}
+    return Family(name, base, tuple(p for p in members if p != base), farthest, cosines, skipped)
+
+
+def pool_toml(found: Family, name: str) -> str:
+    """A commented ``pool.toml`` for a family, to lie in its folder."""
+    lines = [
+        f'name = "{name}"',
+        f'architecture = "{found.architecture}"    # recognised by the keys',
+        "",
+        f"# Guessed: even the farthest other is near ({found.distances[found.base]:.3f} of its norm).",
+        "[base]",
+        f'file = "{found.base.name}"',
+        'licence = ""    # fill in: it is carried into every merged file',
+    ]
+    lines = [line.replace('licence = ""', '# licence = "..."') for line in lines]
+    for path, key in zip(found.sources, _names(found.sources), strict=True):
+        lines += ["", f"[sources.{key}]    # cosine to the base {found.cosines[path]:.3f}"]
+        lines += [f'file = "{path.name}"', '# licence = "..."    # and what it was trained on']
+    lines += [f"\n# left out: {why}" for why in found.skipped.values()]
+    return "\n".join(lines) + "\n"
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """File names as source names: letters, digits and ``_ . + -``, each once."""
+    names: list[str] = []
+    for path in paths:
+        stem = "".join(c if c.isascii() and (c.isalnum() or c in "_+-") else "_" for c in path.stem).strip(
+            "_+-"
+        )
+        name, number = stem or "source", 2
+        while name in names:
+            name, number = f"{stem}_{number}", number + 1
+        names.append(name)
+    return names

@@ -1,0 +1,83 @@
+"""Linear paths: barriers and harm from scores, and on real networks the two sources that do harm."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+import tiny
+import torch
+from safetensors.torch import save_file
+
+import sfkit
+from sfkit.analysis.linear_path import LinearPaths, linear_paths
+from sfkit.analysis.linear_path import Path as Line
+from sfkit.errors import InputError, SfkitWarning
+from sfkit.merging.recognition import family, pool_toml, recognised
+
+
+def test_the_middle_is_half_of_each(tmp_path: Path) -> None:
+    pool = sfkit.open_pool(tiny.write_pool(tmp_path, sources=2))
+    evaluator = sfkit.Evaluator(pool, sfkit.open_benchmark("pairs", tiny.write_pairs(tmp_path / "pairs")))
+    found = linear_paths(evaluator)
+    assert [(path.start, path.end) for path in found.paths] == [("base", "a"), ("base", "b"), ("a", "b")]
+    (half,) = evaluator([sfkit.Recipe.weighted({"a": 0.5}, pool.blocks)])
+    assert found.paths[0].scores[1] == half.score
+    assert found.paths[2].scores == tuple(
+        outcome.score for outcome in evaluator([pool.equal("a"), pool.equal("a", "b"), pool.equal("b")])
+    )
+    assert len(found.table()) == 3
+
+
+def test_barriers_and_harm_by_hand() -> None:
+    sound, blocked = Line("base", "a", (10.0, 9.0, 12.0)), Line("a", "b", (12.0, 20.0, 11.0))
+    harmful, broken = Line("base", "b", (10.0, 18.0, 40.0)), Line("base", "c", (10.0, math.inf, math.inf))
+    assert sound.barrier == -2.0
+    assert blocked.barrier == 8.5
+    found = LinearPaths((sound, harmful, broken, blocked), "px")
+    assert found.harmful == ("b", "c")
+    assert len(found.sentences) == 3
+    assert "between a and b lies a barrier: 12.00 and 11.00 px at the ends, 20.00" in found.sentences[2]
+    assert LinearPaths((sound,), "px").sentences[0].startswith("every straight line stays low")
+
+
+def real_pool(folder: Path, real_data: Path) -> Path:
+    """A copy of the real checkpoints."""
+    folder.mkdir()
+    for path in (real_data / "anynet").glob("*.tar"):
+        shutil.copy(path, folder)
+    return folder
+
+
+def test_init_finds_the_base_and_the_paths_the_two_that_harm(tmp_path: Path, real_data: Path) -> None:
+    folder = real_pool(tmp_path / "anynet", real_data)
+    found = family(folder)
+    assert found.architecture == "anynet"
+    assert found.base.name == "base_sceneflow.tar"
+    assert len(found.sources) == 6
+    assert not found.skipped
+    (folder / "pool.toml").write_text(pool_toml(found, "real"))
+    with pytest.warns(SfkitWarning, match="lacks 6 optional"):
+        pool = sfkit.open_pool(folder)
+    pairs = real_data / "pairs" / "cones"
+    (tmp_path / "pairs.csv").write_text(
+        f"left,right,disparity,coding\n{pairs / 'im2.png'},{pairs / 'im6.png'},{pairs / 'disp2.png'},png8:4\n"
+    )
+    benchmark = sfkit.open_benchmark("pairs", pairs, table=tmp_path / "pairs.csv", metric="bad-1.0")
+    paths = linear_paths(sfkit.Evaluator(pool, benchmark), between=False)
+    assert set(paths.harmful) == {"ft_kitti2015_half_kasatkin", "ft_own_zakariya"}
+
+
+def test_recognition_refuses_what_it_does_not_know(tmp_path: Path) -> None:
+    for name in ("base", "a"):
+        save_file({"some.weight": torch.ones(2, 3)}, tmp_path / f"{name}.safetensors")
+    with pytest.raises(InputError, match="found 0 checkpoints of one known architecture"):
+        family(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        family(tmp_path / "gone")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="found 0 checkpoints, expected a base"):
+        family(tmp_path / "empty")
+    assert recognised(tmp_path / "base.safetensors") == ()
