@@ -124,7 +124,7 @@ def _call(
     try:
         with torch.inference_mode():
             return network(pair.left, pair.right), None
-    except Exception:
+    except Exception:  # what a network raises is looked into, and raised again where nothing helps
         if _runs(network, inputs, left, right, gradients=True):
             return None, Mistake(
                 "gradients",

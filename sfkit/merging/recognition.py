@@ -14,7 +14,7 @@ from sfkit.architectures import architecture, architectures
 from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.members import PoolOpener
-from sfkit.merging.skeleton import skeleton
+from sfkit.merging.tensor_specs import tensor_specs
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def recognised(path: Path) -> tuple[str, ...]:
             continue
         try:
             options = entry.resolve(near=path)
-            PoolOpener(entry, options, skeleton(entry, options)).read(path, is_base=False)
+            PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False)
         except InputError:
             continue
         fitting.append(name)
@@ -93,7 +93,7 @@ def family(folder: Path) -> Family:
 def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str]) -> Family:
     entry = architecture(name)
     options = entry.resolve(near=members[0])
-    opener = PoolOpener(entry, options, skeleton(entry, options))
+    opener = PoolOpener(entry, options, tensor_specs(entry, options))
     weights = {path: opener.read(path, is_base=False).tensors for path in members}
     keys = [
         key
