@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -22,6 +22,7 @@ import torch
 from sfkit import bank
 from sfkit.analysis import contenders
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
+from sfkit.evaluation.compute import HERE, PARAMETERS, Compute
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
@@ -83,6 +84,7 @@ def demo(
     *,
     seed: int = 0,
     budget: Budget = Budget(),
+    compute: Compute = HERE,
     with_report: bool = True,
     progress: StepCallback = lambda *_: None,
 ) -> Demo:
@@ -90,21 +92,21 @@ def demo(
 
     Writes what :func:`~sfkit.search.pipeline.search_pool` does, ``evaluations.sqlite``, ``scores.csv`` and
     ``report.html`` (the quickstart notebook run on the bank with the same seed and budget) into ``out``. What
-    the store holds already is not computed again.
+    the store holds already is not computed again. ``compute`` says where and how networks run.
     """
     started = time.perf_counter()
     pool = open_pool(bank.pool_path())
     validation = bank.benchmark(bank.VALIDATION, quick=True)
     path = out / "evaluations.sqlite"
-    with EvaluationStore(path) as store, _scored_meanwhile(path) as known:
+    with EvaluationStore(path) as store, _scored_meanwhile(path, compute) as known:
         held = {evaluation.key for evaluation in store}
-        scorer = Evaluator(pool, validation, store=store)
+        scorer = Evaluator(pool, validation, store=store, compute=compute)
         found = search_pool(pool, scorer, budget.plan(seed), out, progress=_Steps(budget, progress))
         stage1 = cast(SubsetCandidate, found.stage1)  # the plan has both stages
         for number, (name, scored) in enumerate(reversed(known.items())):
             progress("Members", number, len(known), name)
             if scored.cancel():  # not begun: done here, beside the other process
-                _score_members(path, name)
+                _score_members(path, name, compute)
             else:
                 scored.result()
         progress("Members", len(known), len(known), "")
@@ -117,12 +119,14 @@ def demo(
         for number, benchmark in enumerate(benchmarks):
             progress("Test", number, len(benchmarks), benchmark.name)
             guided = (validation.name,)
-            parts.append(score_recipes(pool, rows, [benchmark], validation=guided, store=store))
+            parts.append(
+                score_recipes(pool, rows, [benchmark], validation=guided, store=store, compute=compute)
+            )
         progress("Test", len(benchmarks), len(benchmarks), "")
         table = pivot(pd.concat(parts, ignore_index=True))
         scores = write_table(table, out / "scores.csv")
         fresh = [len(evaluation.images) for evaluation in store if evaluation.key not in held]
-    page = _report(out, seed, budget, progress) if with_report else None
+    page = _report(out, seed, budget, compute, progress) if with_report else None
     seconds = time.perf_counter() - started
     return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores)
 
@@ -132,7 +136,7 @@ def _unseen() -> tuple[str, ...]:
 
 
 @contextmanager
-def _scored_meanwhile(path: Path) -> Iterator[dict[str, Future[None]]]:
+def _scored_meanwhile(path: Path, compute: Compute) -> Iterator[dict[str, Future[None]]]:
     """Score the pool's members on the unseen benchmarks beside what the caller does, in one more process.
 
     That process computes in one thread, and the caller's network leaves it a core.
@@ -142,17 +146,18 @@ def _scored_meanwhile(path: Path) -> Iterator[dict[str, Future[None]]]:
     spawned = multiprocessing.get_context("spawn")
     workers = ProcessPoolExecutor(1, mp_context=spawned, initializer=torch.set_num_threads, initargs=(1,))
     try:
-        yield {name: workers.submit(_score_members, path, name) for name in _unseen()}
+        yield {name: workers.submit(_score_members, path, name, compute) for name in _unseen()}
     finally:
         workers.shutdown(cancel_futures=True)
         torch.set_num_threads(threads)
 
 
-def _score_members(path: Path, name: str) -> None:
+def _score_members(path: Path, name: str, compute: Compute) -> None:
     """Base, each source and their equal mixture on one benchmark, into the store."""
     pool = open_pool(bank.pool_path())
     with EvaluationStore(path) as store:
-        score_recipes(pool, contenders(pool), [bank.benchmark(name)], store=store)
+        one = replace(compute, engine="inline", workers=None)  # this is a process beside others already
+        score_recipes(pool, contenders(pool), [bank.benchmark(name)], store=store, compute=one)
 
 
 class _Steps:
@@ -174,7 +179,7 @@ def _single_best(pool: Pool, scorer: Evaluator) -> str:
     return ranked[0][1]
 
 
-def _report(out: Path, seed: int, budget: Budget, progress: StepCallback) -> Path:
+def _report(out: Path, seed: int, budget: Budget, compute: Compute, progress: StepCallback) -> Path:
     from sfkit.reports import (  # Jupyter takes seconds to import: only who wants a report waits
         notebook_path,
         report,
@@ -186,6 +191,7 @@ def _report(out: Path, seed: int, budget: Budget, progress: StepCallback) -> Pat
         "generations": budget.generations,
         "evaluations": budget.evaluations,
         "seed": seed,
+        **{name: getattr(compute, name) for name in PARAMETERS},
         "out": str(out),
     }
     page = report(notebook_path(NOTEBOOK), values, out / "report.html")

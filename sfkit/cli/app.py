@@ -30,6 +30,7 @@ from sfkit.cli import (
     show,
 )
 from sfkit.cli import code as own_code
+from sfkit.cli.groups import PanelCommand, grouped
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
@@ -41,14 +42,14 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-app.command("demo")(demo.demo)
-app.command("search")(search.search)
+app.command("demo", cls=PanelCommand)(grouped(demo.demo))
+app.command("search", cls=PanelCommand)(grouped(search.search))
 app.command("finetune")(finetune.command)
 app.command("init")(init.init)
 app.command("check")(check.check)
 app.command("merge")(merge.merge)
-app.command("evaluate")(evaluate.evaluate)
-app.command("baselines")(baselines.baselines)
+app.command("evaluate", cls=PanelCommand)(grouped(evaluate.evaluate))
+app.command("baselines", cls=PanelCommand)(grouped(baselines.baselines))
 app.command("predict")(predict.predict)
 app.command("show")(show.show)
 app.command("report")(report.report)

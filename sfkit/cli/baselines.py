@@ -9,73 +9,43 @@ from typing import Annotated, Any
 import typer
 
 from sfkit.baselines import BaselineResult, BaselineRun, baseline_named, baseline_table, run_baselines
+from sfkit.cli.groups import names
 from sfkit.cli.options import (
-    BenchmarkOption,
-    CodingOption,
-    DeviceOption,
-    EngineOption,
-    EveryOption,
     ForceOption,
     JsonOption,
-    MetricOption,
-    PairsOption,
     PoolArgument,
-    ProtocolOption,
-    ResolutionOption,
-    RootOption,
     StoreOption,
-    WorkersOption,
-    benchmark_of,
-    device_of,
     emit,
-    names,
     pool_of,
     say,
 )
 from sfkit.cli.outputs import check_file, check_store
+from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
 from sfkit.cli.validation import (
-    AlsoOption,
-    CombineOption,
-    GenerationsOption,
-    PopulationOption,
-    SeedOption,
     described,
     guides_of,
     scoring,
 )
 from sfkit.errors import InputError
-from sfkit.evaluation import Compute, Evaluator
+from sfkit.evaluation import Evaluator
 from sfkit.evaluation.changes import LABEL
 from sfkit.evaluation.table import write_table
-from sfkit.search import RoutingSettings, SubsetSettings
 
 
 def baselines(
     pool: PoolArgument,
-    benchmark: BenchmarkOption,
-    root: RootOption = None,
+    data: BenchmarkOptions,
+    guidance: GuidanceOptions,
+    stage1: Stage1Budget,
+    stage2: Stage2Budget,
+    compute: ComputeOptions,
     methods: Annotated[
         str | None,
         typer.Option("--names", help="Methods to run: uniform,ties,dare. All that suit unless given."),
     ] = None,
-    also: AlsoOption = None,
-    combine: CombineOption = "mean",
-    seed: SeedOption = 0,
-    population: PopulationOption = 50,
-    generations: GenerationsOption = 15,
-    evaluations: Annotated[int, typer.Option(help="Stage 2: evaluations.")] = 300,
-    protocol: ProtocolOption = None,
-    metric: MetricOption = None,
-    resolution: ResolutionOption = None,
-    csv: PairsOption = None,
-    coding: CodingOption = None,
-    every: EveryOption = None,
     store: StoreOption = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the table as CSV.")] = None,
     force: ForceOption = False,
-    device: DeviceOption = "cpu",
-    engine: EngineOption = "auto",
-    workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
     """Run the baselines on a validation benchmark: what each chose, scores there, and cost.
@@ -90,12 +60,9 @@ def baselines(
       sfkit baselines pool.toml -b pairs -r ~/pairs --names dare,stage1 --population 20 --json
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
     """
-    SubsetSettings(population=population, generations=generations, seed=seed)
-    RoutingSettings(evaluations=evaluations, seed=seed)
     named = None if methods is None else _methods(methods)
-    compute = Compute(device_of(device), engine, workers)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
-    guides = guides_of(chosen, also, combine)
+    chosen, combine = data.open(), guidance.combine
+    guides = guides_of(chosen, guidance)
     if out is not None:
         check_file("--out", out, ".csv", force=force)
     if store is not None:
@@ -106,10 +73,10 @@ def baselines(
             opened,
             scorer,
             named,
-            seed=seed,
-            population=population,
-            generations=generations,
-            evaluations=evaluations,
+            seed=stage1.seed,
+            population=stage1.population,
+            generations=stage1.generations,
+            evaluations=stage2.evaluations,
             progress=_progress,
         )
     if out is not None:
@@ -120,7 +87,7 @@ def baselines(
         **described(guides, combine),
         "metric": str(evaluators[0].metric),
         "unit": evaluators[0].metric.unit,
-        "seed": seed,
+        "seed": stage1.seed,
         "baselines": [_entry(result) for result in run.results.values()],
         "skipped": run.skipped,
     }

@@ -6,15 +6,9 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.options import (
-    CodingOption,
-    EveryOption,
-    JsonOption,
-    PairsOption,
-    ResolutionOption,
-    RootOption,
-    emit,
-)
+from sfkit.cli.groups import PanelCommand, grouped
+from sfkit.cli.options import JsonOption, emit
+from sfkit.cli.panels import FolderOptions
 from sfkit.datasets.check import check_data
 from sfkit.datasets.check_source import check_training_set
 from sfkit.datasets.source_manifests import source_manifest_names
@@ -23,7 +17,8 @@ from sfkit.errors import InputError
 app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
 
 
-@app.command("check")
+@app.command("check", cls=PanelCommand)
+@grouped
 def check(
     name: Annotated[
         str,
@@ -32,11 +27,7 @@ def check(
             "unlabelled."
         ),
     ],
-    root: RootOption = None,
-    resolution: ResolutionOption = None,
-    csv: PairsOption = None,
-    coding: CodingOption = None,
-    every: EveryOption = None,
+    folder: FolderOptions,
     json: JsonOption = False,
 ) -> None:
     """Say what was found, what is missing, and whether images, sizes and ground truth make sense.
@@ -46,15 +37,23 @@ def check(
       sfkit data check eth3d --root ~/ETH3D
       sfkit data check vkitti2 --root ~/VirtualKITTI2
     """
+    root = folder.root
     if root is None:
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
     if name in source_manifest_names():
-        given = next((o for o in (resolution, csv, coding, every) if o is not None), None)
+        given = next((o for key, o in vars(folder).items() if key != "root" and o is not None), None)
         if given is not None:
             raise InputError(f"{name}: found {given!r}, its manifest says how it is read; leave it out")
         report = check_training_set(name, root)
     else:
-        report = check_data(name, root, resolution=resolution, coding=coding, table=csv, every=every)
+        report = check_data(
+            name,
+            root,
+            resolution=folder.resolution,
+            coding=folder.coding,
+            table=folder.csv,
+            every=folder.every,
+        )
     emit(report.to_dict(), report.to_text(), as_json=json)
     if report.problems:
         raise typer.Exit(1)

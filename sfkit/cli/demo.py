@@ -9,6 +9,7 @@ import typer
 from tqdm import tqdm
 
 from sfkit.cli.options import JsonOption, emit
+from sfkit.cli.panels import NotebookComputeOptions
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
 
 def demo(
+    compute: NotebookComputeOptions,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("runs/demo"),
     seed: Annotated[int, typer.Option(help="Governs every draw.")] = 0,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html.")] = True,
@@ -34,7 +36,7 @@ def demo(
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder for the results")
     with Bars() as bars:
-        found = run_demo(out, seed=seed, with_report=report, progress=bars)
+        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=bars)
     document = {
         "table": found.table.to_dict(orient="index"),
         "subset": found.subset,

@@ -11,27 +11,14 @@ import pandas as pd
 import typer
 
 from sfkit.cli.options import (
-    BenchmarkOption,
-    CodingOption,
-    DeviceOption,
-    EngineOption,
-    EveryOption,
     ForceOption,
     JsonOption,
-    MetricOption,
-    PairsOption,
     PoolArgument,
-    ProtocolOption,
     RecipeOption,
-    ResolutionOption,
-    RootOption,
     StoreOption,
     SubsetFromOption,
     SubsetOption,
-    WorkersOption,
-    benchmark_of,
     choosers,
-    device_of,
     emit,
     pool_of,
     prepared,
@@ -39,8 +26,9 @@ from sfkit.cli.options import (
     store_of,
 )
 from sfkit.cli.outputs import check_file, check_store
+from sfkit.cli.panels import BenchmarkOptions, ComputeOptions
 from sfkit.errors import InputError
-from sfkit.evaluation import Compute, Evaluator
+from sfkit.evaluation import Evaluator
 from sfkit.evaluation.table import score_table, write_table
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.steps import Step
@@ -48,8 +36,8 @@ from sfkit.merging.steps import Step
 
 def evaluate(
     pool: PoolArgument,
-    benchmark: BenchmarkOption,
-    root: RootOption = None,
+    data: BenchmarkOptions,
+    compute: ComputeOptions,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
     recipe: RecipeOption = None,
@@ -58,18 +46,9 @@ def evaluate(
         bool, typer.Option("--all-subsets", help="The equal-weight merge of every subset of two or more.")
     ] = False,
     members: Annotated[bool, typer.Option("--members", help="The base and each source by itself.")] = False,
-    protocol: ProtocolOption = None,
-    metric: MetricOption = None,
-    resolution: ResolutionOption = None,
-    csv: PairsOption = None,
-    coding: CodingOption = None,
-    every: EveryOption = None,
     store: StoreOption = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the scores as CSV.")] = None,
     force: ForceOption = False,
-    device: DeviceOption = "cpu",
-    engine: EngineOption = "auto",
-    workers: WorkersOption = None,
     json: JsonOption = False,
 ) -> None:
     """Score networks merged from a pool; lower is better.
@@ -82,8 +61,7 @@ def evaluate(
       sfkit evaluate pool.toml --members --uniform -b kitti2012 -r ~/KITTI2012 --protocol all-valid
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
-    compute = Compute(device_of(device), engine, workers)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
+    chosen = data.open()
     if out is not None:
         check_file("--out", out, ".csv", force=force)
     if store is not None:

@@ -11,9 +11,8 @@ from typing import Annotated, Any, TypeVar
 
 import typer
 
-from sfkit.datasets.benchmark import Benchmark, has_files, open_benchmark
+from sfkit.cli.groups import names
 from sfkit.errors import InputError
-from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.prepare import prepared_for
@@ -25,45 +24,11 @@ Made = TypeVar("Made")
 PoolArgument = Annotated[
     str, typer.Argument(help="A pool.toml, the folder that holds one, or bank.", show_default=False)
 ]
-BenchmarkOption = Annotated[
-    str,
-    typer.Option(
-        "--benchmark", "-b", help="eth3d, kitti2012, kitti2015, middlebury, pairs, unlabelled, bank:NAME."
-    ),
-]
-RootOption = Annotated[Path | None, typer.Option("--root", "-r", help="The benchmark's folder.")]
-ProtocolOption = Annotated[
-    str | None, typer.Option("--protocol", help="openstereo, raft, igev, nmrf or all-valid.")
-]
-MetricOption = Annotated[
-    str | None,
-    typer.Option("--metric", help="bad-1.0 (any threshold in pixels), d1, epe, or census (no labels)."),
-]
-ResolutionOption = Annotated[str | None, typer.Option("--resolution", help="Middlebury: F, H or Q.")]
-PairsOption = Annotated[
-    Path | None,
-    typer.Option("--csv", help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id]."),
-]
-CodingOption = Annotated[
-    str | None,
-    typer.Option("--coding", help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4."),
-]
-EveryOption = Annotated[
-    int | None,
-    typer.Option("--every", help="For unlabelled video: keep every so many pairs of each folder."),
-]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 StoreOption = Annotated[
     Path | None, typer.Option("--store", help="Evaluation store (SQLite) to read and extend.")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-DeviceOption = Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:N.")]
-EngineOption = Annotated[
-    str, typer.Option("--engine", help="Where networks run: auto, inline, processes or ray.")
-]
-WorkersOption = Annotated[
-    int | None, typer.Option("--workers", help="How many run at a time; one a device unless given.")
-]
 SubsetOption = Annotated[
     str | None, typer.Option("--subset", "-s", help="Sources to merge with equal weights: a,b,c.")
 ]
@@ -74,43 +39,6 @@ SubsetFromOption = Annotated[
     Path | None,
     typer.Option("--subset-from", help="A recipe or merged network of another pool: merge the same sources."),
 ]
-
-
-def names(text: str) -> tuple[str, ...]:
-    """``"a, b"`` -> ``("a", "b")``."""
-    return tuple(name.strip() for name in text.split(",") if name.strip())
-
-
-def benchmark_of(
-    name: str,
-    root: Path | None,
-    protocol: str | None,
-    metric: str | None,
-    resolution: str | None,
-    csv: Path | None,
-    coding: str | None,
-    every: int | None = None,
-) -> Benchmark:
-    """The benchmark the options describe, its files found and not yet read.
-
-    Raises:
-        InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded bank's
-            benchmarks (``bank:NAME``) have none.
-    """
-    if root is None and has_files(name):
-        raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
-    benchmark = open_benchmark(
-        name,
-        root,
-        protocol=protocol,
-        metric=metric,
-        resolution=resolution,
-        table=csv,
-        coding=coding,
-        every=every,
-    )
-    benchmark.ensure_scorable()
-    return benchmark
 
 
 Chooser = Callable[[Pool], Recipe]
@@ -200,16 +128,6 @@ def _checked(pool: Pool, recipe: Recipe) -> Recipe:
     if not recipe.preparation:  # else it is checked against the pool its steps make
         pool.check_recipe(recipe)
     return recipe
-
-
-def device_of(name: str) -> str:
-    """A device name torch accepts and this machine has.
-
-    Raises:
-        InputError: it is unknown, or not there.
-    """
-    check_device(name, "--device")
-    return name
 
 
 def store_of(path: Path | None) -> EvaluationStore:

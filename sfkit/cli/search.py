@@ -14,116 +14,63 @@ from sfkit.analysis.inspection import recipe_lines
 from sfkit.analysis.overfit import holdout_check
 from sfkit.analysis.trust import trust_of
 from sfkit.cli.options import (
-    BenchmarkOption,
-    CodingOption,
-    DeviceOption,
-    EngineOption,
-    EveryOption,
     JsonOption,
-    MetricOption,
-    PairsOption,
     PoolArgument,
-    ProtocolOption,
-    ResolutionOption,
-    RootOption,
     StoreOption,
     SubsetFromOption,
     SubsetOption,
-    WorkersOption,
-    benchmark_of,
-    device_of,
     emit,
-    names,
     pool_of,
     say,
     source_names,
 )
 from sfkit.cli.outputs import check_folder, check_store
-from sfkit.cli.validation import (
-    AlsoOption,
-    CombineOption,
-    SeedOption,
-    described,
-    guides_of,
-    scoring,
+from sfkit.cli.panels import (
+    BenchmarkOptions,
+    ComputeOptions,
+    ConstraintOptions,
+    GuidanceOptions,
+    Stage1Options,
+    Stage2Options,
 )
+from sfkit.cli.validation import described, guides_of, scoring
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.changes import LABEL
 from sfkit.evaluation.combining import CombinedScorer
-from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.estimate import Estimate
 from sfkit.evaluation.holdout import LEAST
 from sfkit.merging import Pool
 from sfkit.merging.saving import read_recipe
-from sfkit.search import Constraints, RoutingSettings, SubsetSettings, subset_of
+from sfkit.search import RoutingSettings, SubsetSettings, subset_of
 from sfkit.search.pipeline import METHODS, Found, Plan, cost, search_pool, summary
 from sfkit.search.records import Generation
 
 
 def search(
     pool: PoolArgument,
-    benchmark: BenchmarkOption,
-    root: RootOption = None,
+    data: BenchmarkOptions,
+    guidance: GuidanceOptions,
+    stage1: Stage1Options,
+    stage2: Stage2Options,
+    constraints: ConstraintOptions,
+    compute: ComputeOptions,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("runs/search"),
-    protocol: ProtocolOption = None,
-    metric: MetricOption = None,
-    resolution: ResolutionOption = None,
-    csv: PairsOption = None,
-    coding: CodingOption = None,
-    every: EveryOption = None,
-    seed: SeedOption = 0,
     method: Annotated[
         str,
         typer.Option(help="paper: genetic algorithm, then CMA-ES; bayesian: a model of the score proposes."),
     ] = "paper",
     batch: Annotated[int, typer.Option(help="By bayesian: how many are proposed at a time.")] = 1,
-    population: Annotated[
-        int | None, typer.Option(help="Stage 1: subsets in a population; 50, by bayesian 8.")
-    ] = None,
-    generations: Annotated[
-        int | None, typer.Option(help="Stage 1: generations; 15, by bayesian 41 / batch.")
-    ] = None,
-    survival: Annotated[
-        str, typer.Option(help="Stage 1: tournament, as the paper, or truncation (best with population 20).")
-    ] = "tournament",
-    evaluations: Annotated[
-        int | None, typer.Option(help="Stage 2: evaluations, 0 leaves it out; 300, by bayesian 80.")
-    ] = None,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
-    block_specific: Annotated[
-        bool, typer.Option("--block-specific", help="Stage 2: routing weights of their own for every block.")
-    ] = False,
-    entropy: Annotated[float, typer.Option(help="Stage 2: weight of the entropy penalty.")] = 0.0,
-    rank: Annotated[
-        int | None,
-        typer.Option(help="Stage 2: rank of low-rank routing, between tied and block-specific."),
+    start: Annotated[
+        Path | None, typer.Option(help="Stage 2: a recipe to start from as well; needs --subset.")
     ] = None,
-    holdout: Annotated[
-        float,
-        typer.Option(help="Stage 2: choose on held-out pairs: a share such as 0.5, or folds such as 4."),
-    ] = 0.0,
-    shrinkage: Annotated[
-        float, typer.Option(help="Stage 2: pull towards Stage 1, in shares of its score.")
-    ] = 0.0,
-    also: AlsoOption = None,
-    combine: CombineOption = "mean",
     blocks: Annotated[
         str | None,
         typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
     ] = None,
-    include: Annotated[str | None, typer.Option(help="Sources that must take part: a,b.")] = None,
-    exclude: Annotated[str | None, typer.Option(help="Sources that must not take part: a,b.")] = None,
-    largest: Annotated[int | None, typer.Option(help="The most sources a subset may have.")] = None,
-    frozen: Annotated[str | None, typer.Option(help="Blocks whose scale stays 1: a,b.")] = None,
-    start: Annotated[
-        Path | None, typer.Option(help="Stage 2: a recipe to start from as well; needs --subset.")
-    ] = None,
     store: StoreOption = None,
-    device: DeviceOption = "cpu",
-    engine: EngineOption = "auto",
-    workers: WorkersOption = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
     json: JsonOption = False,
 ) -> None:
@@ -140,24 +87,16 @@ def search(
     """
     plan = Plan(
         subset=_subset(subset, subset_from),
-        stage1=SubsetSettings(survival=survival, seed=seed),
+        stage1=SubsetSettings(**stage1),
+        # A rank is for blocks that are not tied.
         stage2=None
-        if evaluations == 0
-        else RoutingSettings(
-            seed=seed,
-            tied=not block_specific and rank is None,
-            rank=rank,
-            entropy=entropy,
-            holdout=holdout,
-            shrinkage=shrinkage,
-        ),
-        constraints=Constraints(names(include or ""), names(exclude or ""), largest, names(frozen or "")),
+        if stage2.get("evaluations") == 0
+        else RoutingSettings(**{**stage2, "tied": stage2["tied"] and "rank" not in stage2}),
+        constraints=constraints,
         start=read_recipe(start) if start is not None else None,
     )
-    plan = _sized(plan.by(method, batch), population, generations, survival, evaluations)
-    compute = Compute(device_of(device), engine, workers)
-    chosen = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding, every)
-    guides = guides_of(chosen, also, combine)
+    plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
+    guides, combine = guides_of(data.open(), guidance), guidance.combine
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)
     opened = pool_of(pool, blocks)
@@ -187,20 +126,13 @@ def search(
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
 
 
-def _sized(
-    plan: Plan, population: int | None, generations: int | None, survival: str, evaluations: int | None
-) -> Plan:
+def _sized(plan: Plan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> Plan:
     """The plan with the sizes that were named; the method's own for the others."""
-    stage1 = replace(
-        plan.stage1,
-        population=plan.stage1.population if population is None else population,
-        generations=plan.stage1.generations if generations is None else generations,
-        survival=survival,
-    )
-    stage2 = plan.stage2
-    if stage2 is not None and evaluations is not None:
-        stage2 = replace(stage2, evaluations=evaluations)
-    return replace(plan, stage1=stage1, stage2=stage2)
+    sizes = {name: stage1[name] for name in ("population", "generations", "survival") if name in stage1}
+    second = plan.stage2
+    if second is not None and "evaluations" in stage2:
+        second = replace(second, evaluations=stage2["evaluations"])
+    return replace(plan, stage1=replace(plan.stage1, **sizes), stage2=second)
 
 
 def _other_cost(plan: Plan, price: Estimate, pool: Pool) -> str | None:

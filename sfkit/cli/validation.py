@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from sfkit.cli.options import names, say, store_of
+from sfkit.cli.groups import names
+from sfkit.cli.options import say, store_of
+from sfkit.cli.panels import Guidance
 from sfkit.datasets.benchmark import Benchmark, open_benchmarks
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.unlabelled import UNLABELLED
@@ -18,29 +18,16 @@ from sfkit.evaluation import CombinedScorer, Compute, Evaluator
 from sfkit.evaluation.changes import LABEL
 from sfkit.merging import Pool
 
-AlsoOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--also", help="Validate on a further benchmark, NAME,root=FOLDER,protocol=...; or several."
-    ),
-]
-CombineOption = Annotated[
-    str, typer.Option("--combine", help="With --also: guided by the mean or the worst of them.")
-]
-SeedOption = Annotated[int, typer.Option("--seed", help="Governs every draw.")]
-PopulationOption = Annotated[int, typer.Option("--population", help="Stage 1: subsets in a population.")]
-GenerationsOption = Annotated[int, typer.Option("--generations", help="Stage 1: generations.")]
 
-
-def guides_of(first: Benchmark, also: Sequence[str] | None, combine: str) -> tuple[Benchmark, ...]:
+def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
     """The validation benchmarks, their files found and not yet read.
 
     Raises:
         InputError: ``--also`` or ``--combine`` cannot be understood.
     """
-    if combine not in ("mean", "worst"):
-        raise InputError(f"--combine: found {combine!r}, expected mean or worst")
-    return (first, *(_also(text, first.metric) for text in also or ()))
+    if guidance.combine not in ("mean", "worst"):
+        raise InputError(f"--combine: found {guidance.combine!r}, expected mean or worst")
+    return (first, *(_also(text, first.metric) for text in guidance.also or ()))
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from sfkit.merging.forward import ForwardMode
 from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
+from sfkit.settings import setting
 
 ENGINES = ("auto", "inline", "processes", "ray")
 
@@ -35,11 +36,13 @@ class Compute:
             engine whose library is not installed. Whether the device is there shows when a network is made.
     """
 
-    device: str = "cpu"
-    engine: str = "inline"
-    workers: int | None = None
-    precision: str = "float32"
-    channels_last: bool = False
+    device: str = setting("cpu", help="cpu, cuda or cuda:N.")
+    engine: str = setting("inline", help="Where networks run: auto, inline, processes or ray.")
+    workers: int | None = setting(None, help="How many run at a time; one a device unless given.")
+    precision: str = setting("float32", help="float32, or bfloat16, whose scores are kept apart.")
+    channels_last: bool = setting(
+        False, "--channels-last", help="Images enter with their channels innermost."
+    )
 
     def __post_init__(self) -> None:
         ForwardMode(self.precision, self.channels_last)
@@ -116,3 +119,5 @@ def ensure_ray() -> None:
 HERE = Compute()
 """One process on the CPU."""
 FIELDS = tuple(field.name for field in fields(Compute))
+PARAMETERS = ("device", "engine", "workers", "precision")
+"""The fields that every notebook has as parameters."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from numbers import Real
+from typing import Any
 
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.combining import CombinedScorer
@@ -24,8 +25,8 @@ Held = tuple[frozenset[int], ...]
 """Of one benchmark and each split, the numbers of the images held out."""
 
 
-def check_holdout(holdout: object) -> None:
-    """Refuse anything but 0, a share in (0, 1), or a whole number of folds of at least 2.
+def check_holdout(argument: str, holdout: Any) -> Any:
+    """Its value; refuses anything but 0, a share in (0, 1), or a whole number of folds of at least 2.
 
     Raises:
         InputError: what was found.
@@ -33,9 +34,10 @@ def check_holdout(holdout: object) -> None:
     number = float(holdout) if isinstance(holdout, Real) else -1.0
     if not (0.0 <= number < 1.0 or (number >= 2.0 and number.is_integer())):
         raise InputError(
-            f"holdout: found {holdout!r}, expected 0 for none, a share of the validation pairs between 0 and "
-            "1, or a whole number of folds of at least 2"
+            f"{argument}: found {holdout!r}, expected 0 for none, a share of the validation pairs between 0 "
+            "and 1, or a whole number of folds of at least 2"
         )
+    return holdout
 
 
 def deal(sizes: Sequence[int], holdout: float, seed: int) -> tuple[Held, ...]:
@@ -86,7 +88,7 @@ def held_out(scorer: Scorer, holdout: float, seed: int = 0) -> Scorer:
     Raises:
         InputError: ``holdout`` is none of these, or the scorer is of another kind.
     """
-    check_holdout(holdout)
+    check_holdout("holdout", holdout)
     if holdout == 0:
         return scorer
     evaluators = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)

@@ -20,7 +20,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
-from sfkit.search.checks import require_between, require_positive, require_whole
+from sfkit.search.checks import between, positive, whole
 from sfkit.search.cma_es import Distribution
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import Vector
@@ -36,6 +36,7 @@ from sfkit.search.surrogate import (
     learned,
     recipe_features,
 )
+from sfkit.settings import setting
 from sfkit.streams import Stream, generator
 
 _DRAWN = 256
@@ -60,18 +61,14 @@ class BayesianRoutingSettings(RoutingSettings):
         InputError: a value out of its range.
     """
 
-    evaluations: int = 80
-    batch: int = 1
-    beta: float = 1.0
-    patience: int = 8
-    smallest: float = 0.02
+    evaluations: int = setting(80, help="Evaluations at most (N_eval).", check=whole(1))
+    batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))
+    beta: float = setting(1.0, help="Deviations the bound lies below the mean.", check=between(0.0))
+    patience: int = setting(8, help="Proposals without a gain that shrink the region.", check=whole(1))
+    smallest: float = setting(0.02, help="Width of the region that ends the search.", check=positive)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_whole("batch", self.batch, 1)
-        require_between("beta", self.beta, 0.0)
-        require_whole("patience", self.patience, 1)
-        require_positive("smallest", self.smallest)
         if self.holdout != 0:
             raise InputError(
                 f"holdout: found {self.holdout!r}, expected 0: the model learns from all validation pairs; "
@@ -148,7 +145,7 @@ class BayesianRoutingSearch(RoutingSearch):
     @property
     def population(self) -> int:
         """Candidates in one generation."""
-        return int(self.settings.batch)
+        return self.settings.batch
 
     @property
     def reason(self) -> str | None:
@@ -167,13 +164,13 @@ class BayesianRoutingSearch(RoutingSearch):
     def _advance(self) -> None:
         state = self._state
         generation = state.generation + 1
-        left = int(self.settings.evaluations) - len(state.candidates)
+        left = self.settings.evaluations - len(state.candidates)
         told: list[Prediction | None]
         if generation == 0:
             vectors, origins, recipes = self._first()
             told = [None] * len(vectors)
         else:
-            rng = generator(int(self.settings.seed), Stream.BAYESIAN_ROUTING, generation)
+            rng = generator(self.settings.seed, Stream.BAYESIAN_ROUTING, generation)
             vectors, told = self._proposed(rng, min(self.population, left))
             origins = ["sample"] * len(vectors)
             recipes = [self.encoding.decode(x) for x in vectors]

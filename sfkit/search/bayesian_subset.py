@@ -22,7 +22,7 @@ from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.acquisition import equal_weights, listed, smallest_bound
 from sfkit.search.breeding import Draft, SubsetSettings
-from sfkit.search.checks import require_between, require_known, require_whole
+from sfkit.search.checks import between, require_known, whole
 from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
@@ -37,6 +37,7 @@ from sfkit.search.surrogate import (
     learned,
     recipe_features,
 )
+from sfkit.settings import setting
 from sfkit.streams import Stream, generator
 
 _TRIES = 1000
@@ -61,21 +62,16 @@ class BayesianSubsetSettings(SubsetSettings):
         InputError: a value out of its range.
     """
 
-    population: int = 8
-    generations: int = 41
-    singles: bool = True
-    batch: int = 1
-    beta: float = 2.5
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_whole("batch", self.batch, 1)
-        require_between("beta", self.beta, 0.0)
+    population: int = setting(8, help="Subsets scored before there is a model.", check=whole(2))
+    generations: int = setting(41, help="How many times the model proposes.", check=whole(0))
+    singles: bool = setting(default=True, help="Whether sources are scored alone as well.")
+    batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))
+    beta: float = setting(2.5, help="Deviations the bound lies below the mean.", check=between(0.0))
 
     @property
     def offspring(self) -> int:
         """Candidates that a generation creates."""
-        return int(self.batch)
+        return self.batch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,11 +191,11 @@ class BayesianSubsetSearch(SubsetSearch):
         candidates = (*state.candidates, *fresh)
         subsets = [c for c in candidates if not c.repeated and len(c.subset) >= SMALLEST]
         best = sorted(subsets, key=lambda c: c.rank)
-        population = tuple(c.number for c in best[: int(self.settings.population)])
+        population = tuple(c.number for c in best[: self.settings.population])
         self._state = SubsetState(generation, candidates, (*state.populations, population))
 
     def _rng(self, generation: int) -> np.random.Generator:
-        return generator(int(self.settings.seed), Stream.BAYESIAN_SUBSETS, generation)
+        return generator(self.settings.seed, Stream.BAYESIAN_SUBSETS, generation)
 
     def _first(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
         """Starts, what is known, all sources together, then random subsets, each once."""
@@ -207,7 +203,7 @@ class BayesianSubsetSearch(SubsetSearch):
         for entry in self.known:
             if (chromosome := self._chromosome(entry.recipe)) is not None:
                 drafts.setdefault(chromosome, Draft(chromosome, (), ("known",)))
-        wanted = min(int(self.settings.population), self.space.subsets)
+        wanted = min(self.settings.population, self.space.subsets)
         everything = self.space.allowed
         if len(drafts) < wanted and self.space.holds(everything):
             drafts.setdefault(everything, Draft(everything, (), ("all",)))
@@ -228,7 +224,7 @@ class BayesianSubsetSearch(SubsetSearch):
         met = {self._genes(candidate) for candidate in self._state.candidates}
         drafts: list[Draft] = []
         told: list[Prediction | None] = []
-        for _ in range(min(int(self.settings.batch), self._left)):
+        for _ in range(min(self.settings.batch, self._left)):
             if model is None:  # nothing has a finite score yet
                 chromosome, prediction = self._unmet(met, rng), None
             else:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sfkit.errors import unknown_name
-from sfkit.search.checks import require_between, require_whole
+from sfkit.search.checks import between, one_of, whole
 from sfkit.search.operators import Chromosome, SubsetSpace, crossover, mutate, random_chromosome, tournament
+from sfkit.settings import setting, settle
 
 SURVIVAL = ("tournament", "truncation")
 """Ways to choose the next population out of parents and offspring."""
@@ -45,27 +45,31 @@ class SubsetSettings:
         InputError: a value out of its range.
     """
 
-    population: int = 50
-    generations: int = 15
-    crossover: float = 0.8
-    mutation: float = 0.3
-    redraw: bool = True
-    survival: str = "tournament"
-    seed: int = 0
+    population: int = setting(50, help="Subsets in a population (M).", check=whole(2))
+    generations: int = setting(15, help="Generations after the first population (T_1).", check=whole(0))
+    crossover: float = setting(
+        0.8, help="Probability that two parents cross over (p_c).", check=between(0.0, 1.0)
+    )
+    mutation: float = setting(
+        0.3, help="Probability that an offspring mutates (p_m).", check=between(0.0, 1.0)
+    )
+    redraw: bool = setting(
+        default=True, help="Whether another mutation is drawn where the one drawn cannot act."
+    )
+    survival: str = setting(
+        "tournament",
+        help="tournament, as the paper, or truncation (best with population 20).",
+        check=one_of(SURVIVAL),
+    )
+    seed: int = setting(0, help="Governs every draw.", check=whole(0))
 
     @property
     def offspring(self) -> int:
         """Candidates that a generation creates; they come in pairs."""
-        return int(self.population) + int(self.population) % 2
+        return self.population + self.population % 2
 
     def __post_init__(self) -> None:
-        require_whole("population", self.population, 2)
-        require_whole("generations", self.generations, 0)
-        require_between("crossover", self.crossover, 0.0, 1.0)
-        require_between("mutation", self.mutation, 0.0, 1.0)
-        if self.survival not in SURVIVAL:
-            raise unknown_name("survival", self.survival, SURVIVAL)
-        require_whole("seed", self.seed, 0)
+        settle(self)
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ def initial(
 ) -> tuple[Draft, ...]:
     """The initial population: the starts, then random chromosomes up to M (Algorithm 1, line 1)."""
     given = [Draft(chromosome, (), ("start",)) for chromosome in starts]
-    missing = int(settings.population) - len(given)
+    missing = settings.population - len(given)
     return (*given, *(Draft(random_chromosome(space, rng), (), ("random",)) for _ in range(missing)))
 
 
@@ -125,8 +129,8 @@ def survivors(
         the pool, best first, each subset once.
     """
     if settings.survival == "truncation":
-        return _best_different(pool, int(settings.population))
-    return _winners([rank for _, rank in pool], int(settings.population), rng)
+        return _best_different(pool, settings.population)
+    return _winners([rank for _, rank in pool], settings.population, rng)
 
 
 def _best_different(pool: Sequence[tuple[Chromosome, Rank]], size: int) -> tuple[Rank, ...]:

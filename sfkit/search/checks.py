@@ -5,18 +5,53 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from numbers import Integral, Real
+from typing import Any
 
-from sfkit.errors import InputError, nearest
+from sfkit.errors import InputError, nearest, unknown_name
+from sfkit.settings import Check
 
 
-def require_whole(argument: str, value: object, least: int) -> None:
-    """Refuse anything but a whole number of at least ``least``.
+def require_whole(argument: str, value: object, least: int) -> int:
+    """The value as an ``int``; refuses anything but a whole number of at least ``least``.
 
     Raises:
         InputError: naming the argument, what was found and what was expected.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
         raise InputError(f"{argument}: found {value!r}, expected a whole number of at least {least}")
+    return int(value)
+
+
+def whole(least: int) -> Check:
+    """The check of a setting that is a whole number of at least ``least``."""
+    return lambda argument, value: require_whole(argument, value, least)
+
+
+def between(low: float, high: float = math.inf) -> Check:
+    """The check of a setting in [low, high]."""
+
+    def check(argument: str, value: Any) -> Any:
+        require_between(argument, value, low, high)
+        return value
+
+    return check
+
+
+def positive(argument: str, value: Any) -> Any:
+    """The check of a setting above 0."""
+    require_positive(argument, value)
+    return value
+
+
+def one_of(words: tuple[str, ...]) -> Check:
+    """The check of a setting that is one of some words."""
+
+    def check(argument: str, value: Any) -> Any:
+        if value not in words:
+            raise unknown_name(argument, value, words)
+        return value
+
+    return check
 
 
 def require_between(argument: str, value: object, low: float, high: float = math.inf) -> None:

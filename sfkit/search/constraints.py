@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe
-from sfkit.search.checks import distinct_names, require_known, require_whole
+from sfkit.search.checks import distinct_names, require_known, whole
 from sfkit.search.operators import SMALLEST, SubsetSpace
+from sfkit.settings import setting, settle
 
 
 @dataclass(frozen=True)
@@ -24,24 +25,23 @@ class Constraints:
             so that it satisfies them as it is.
     """
 
-    include: tuple[str, ...] = ()
-    exclude: tuple[str, ...] = ()
-    largest: int | None = None
-    frozen_blocks: tuple[str, ...] = ()
+    include: tuple[str, ...] = setting((), help="Sources that must take part: a,b.", check=distinct_names)
+    exclude: tuple[str, ...] = setting((), help="Sources that must not take part: a,b.", check=distinct_names)
+    largest: int | None = setting(None, help="The most sources a subset may have.", check=whole(SMALLEST))
+    frozen_blocks: tuple[str, ...] = setting(
+        (), "--frozen", help="Blocks whose scale stays 1: a,b.", check=distinct_names
+    )
 
     def __post_init__(self) -> None:
-        for field in ("include", "exclude", "frozen_blocks"):
-            object.__setattr__(self, field, distinct_names(field, getattr(self, field)))
+        settle(self)
         for name in self.include:
             if name in self.exclude:
                 raise InputError(f"include: {name!r} is also in exclude, expected it in one of the two")
-        if self.largest is not None:
-            require_whole("largest", self.largest, SMALLEST)
-            if self.largest < len(self.include):
-                raise InputError(
-                    f"largest: found {self.largest}, expected at least {len(self.include)}, the number of "
-                    "sources in include"
-                )
+        if self.largest is not None and self.largest < len(self.include):
+            raise InputError(
+                f"largest: found {self.largest}, expected at least {len(self.include)}, the number of "
+                "sources in include"
+            )
 
     def space(self, sources: tuple[str, ...], blocks: tuple[str, ...]) -> SubsetSpace:
         """The chromosomes of Stage 1: indices into ``sources``.
@@ -57,7 +57,7 @@ class Constraints:
                 f"expected at least {SMALLEST}: there is nothing to choose from"
             )
         required = frozenset(sources.index(name) for name in self.include)
-        largest = len(allowed) if self.largest is None else min(int(self.largest), len(allowed))
+        largest = len(allowed) if self.largest is None else min(self.largest, len(allowed))
         return SubsetSpace(allowed, required, largest)
 
     def check_subset(self, subset: tuple[str, ...], blocks: tuple[str, ...]) -> None:

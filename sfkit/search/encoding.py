@@ -58,7 +58,7 @@ class Encoding:
                 f"sources: found {list(self.sources)}, expected at least two: one source leaves no routing"
             )
         require_known("frozen_blocks", self.frozen, self.blocks, "block")
-        check_gamma(self.gamma)
+        check_gamma("gamma", self.gamma)
         if self.dimension == 0:
             raise InputError("frozen_blocks: found every block, expected at least one that is free to move")
 
@@ -219,22 +219,23 @@ def check_rank(rank: int | None, tied: bool) -> None:
         raise InputError(f"rank: found {rank} and tied=True, expected tied=False: tied routing has one row")
 
 
-def check_gamma(gamma: tuple[float, float]) -> None:
-    """Refuse bounds of the module scales that are not [low, high] with 0 <= low < 1 < high and midpoint 1.
+def check_gamma(argument: str, gamma: tuple[float, float]) -> tuple[float, float]:
+    """Bounds of the module scales, which are [low, high] with 0 <= low < 1 < high and midpoint 1.
 
     Raises:
         InputError: what was found, and why the midpoint matters.
     """
     if not isinstance(gamma, tuple | list) or len(gamma) != 2:
-        raise InputError(f"gamma: found {gamma!r}, expected two numbers such as (0.25, 1.75)")
+        raise InputError(f"{argument}: found {gamma!r}, expected two numbers such as (0.25, 1.75)")
     low, high = gamma
-    require_between("gamma", low, 0.0)
-    require_between("gamma", high, 0.0)
+    require_between(argument, low, 0.0)
+    require_between(argument, high, 0.0)
     if not low < 1.0 < high or abs((low + high) / 2.0 - 1.0) > 1e-9:
         raise InputError(
-            f"gamma: found [{low:g}, {high:g}], expected bounds around 1 with 1 in the middle, such as "
+            f"{argument}: found [{low:g}, {high:g}], expected bounds around 1 with 1 in the middle, such as "
             "[0.25, 1.75], so that x = 0 is the equal-weight merge"
         )
+    return low, high
 
 
 def softmax(logits: Vector) -> tuple[float, ...]:

@@ -90,7 +90,7 @@ def best_of(search: Search[Any]) -> Best | None:
 
 def last_generation(search: Search[Any]) -> int | None:
     """The number of the last generation; None where the number of evaluations ends the search."""
-    return int(search.settings.generations) if isinstance(search, SubsetSearch) else None
+    return search.settings.generations if isinstance(search, SubsetSearch) else None
 
 
 def most_candidates(search: Search[Any]) -> int:
@@ -102,7 +102,7 @@ def most_candidates(search: Search[Any]) -> int:
     if isinstance(search, SubsetSearch):
         return search.most
     if isinstance(search, RoutingSearch):
-        return int(search.settings.evaluations)
+        return search.settings.evaluations
     raise InputError(f"search: found a {type(search).__name__}, expected SubsetSearch or RoutingSearch")
 
 

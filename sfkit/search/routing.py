@@ -71,7 +71,7 @@ class RoutingSearch(Search[RoutingCandidate]):
                 breaks the constraints, or a hold-out of a scorer that does not know its images.
         """
         self.settings = settings or RoutingSettings()
-        super().__init__(held_out(scorer, self.settings.holdout, int(self.settings.seed)), journal)
+        super().__init__(held_out(scorer, self.settings.holdout, self.settings.seed), journal)
         self.folds = splits_of(self._scorer)
         self.sources = distinct_names("sources", sources)
         self.blocks = distinct_names("blocks", blocks)
@@ -95,7 +95,7 @@ class RoutingSearch(Search[RoutingCandidate]):
     @property
     def population(self) -> int:
         """Candidates in one iteration of CMA-ES."""
-        return int(self.settings.population or default_population(self.encoding.dimension))
+        return self.settings.population or default_population(self.encoding.dimension)
 
     @property
     def state(self) -> RoutingState:
@@ -134,7 +134,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         # Dropped until the step is over: one that is interrupted half-way is rebuilt from the state.
         self._cmas = None
         generation = state.generation + 1
-        left = int(self.settings.evaluations) - len(state.candidates)
+        left = self.settings.evaluations - len(state.candidates)
         turn = self._turn(generation)
         cma = cmas[turn]
         if generation == 0:
@@ -189,7 +189,7 @@ class RoutingSearch(Search[RoutingCandidate]):
                 self._mean(),
                 float(settings.sigma),
                 self.population,
-                int(settings.seed),
+                settings.seed,
                 tolfun=float(settings.tolfun),
                 tolx=float(settings.tolx),
                 island=island,

@@ -11,10 +11,11 @@ import pandas as pd
 
 from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.base import SearchState
-from sfkit.search.checks import require_between, require_positive, require_whole
+from sfkit.search.checks import between, positive, whole
 from sfkit.search.cma_es import SMALLEST_POPULATION, Distribution
 from sfkit.search.encoding import check_gamma, check_rank
 from sfkit.search.records import COMMON, ORIGIN, Candidate
+from sfkit.settings import setting, settle
 
 
 @dataclass(frozen=True)
@@ -54,36 +55,44 @@ class RoutingSettings:
         InputError: a value out of its range.
     """
 
-    evaluations: int = 300
-    population: int | None = None
-    sigma: float = 0.5
-    gamma: tuple[float, float] = (0.25, 1.75)
-    tied: bool = True
-    scaled: bool = True
-    rank: int | None = None
-    entropy: float = 0.0
-    holdout: float = 0.0
-    shrinkage: float = 0.0
-    converge: bool = True
-    tolfun: float = 1e-11
-    tolx: float = 1e-11
-    floor: float = 0.01
-    seed: int = 0
+    evaluations: int = setting(
+        300, help="Evaluations at most (N_eval); 0 leaves Stage 2 out of a search.", check=whole(1)
+    )
+    population: int | None = setting(
+        None,
+        "--stage2-population",
+        help="Candidates in a generation (N_pop); 4 + 3 ln n for n dimensions unless given.",
+        check=whole(SMALLEST_POPULATION),
+    )
+    sigma: float = setting(0.5, help="Initial step size (sigma).", check=positive)
+    gamma: tuple[float, float] = setting(
+        (0.25, 1.75), help="Bounds of the module scales, with 1 in the middle.", check=check_gamma
+    )
+    tied: bool = setting(
+        True, "--tied/--block-specific", help="One row of routing weights, or one for every block."
+    )
+    scaled: bool = setting(default=True, help="Whether module scales are searched; without, all are 1.")
+    rank: int | None = setting(
+        None, help="Rank of low-rank routing, between tied and block-specific.", check=whole(1)
+    )
+    entropy: float = setting(0.0, help="Weight of the entropy penalty.", check=between(0.0))
+    holdout: float = setting(
+        0.0,
+        help="Choose on held-out pairs: a share such as 0.5, or folds such as 4.",
+        check=check_holdout,
+    )
+    shrinkage: float = setting(0.0, help="Pull towards Stage 1, in shares of its score.", check=between(0.0))
+    converge: bool = setting(default=True, help="Whether it ends where CMA-ES has converged.")
+    tolfun: float = setting(1e-11, help="Converged: range of recent scores.", check=between(0.0))
+    tolx: float = setting(1e-11, help="Converged: standard deviations of x.", check=between(0.0))
+    floor: float = setting(
+        0.01, help="How far inside a --start on a bound begins.", check=between(1e-12, 0.499)
+    )
+    seed: int = setting(0, help="Governs every draw.", check=whole(0))
 
     def __post_init__(self) -> None:
-        require_whole("evaluations", self.evaluations, 1)
-        if self.population is not None:
-            require_whole("population", self.population, SMALLEST_POPULATION)
-        require_positive("sigma", self.sigma)
-        check_gamma(self.gamma)
-        require_between("entropy", self.entropy, 0.0)
+        settle(self)
         check_rank(self.rank, self.tied)
-        check_holdout(self.holdout)
-        require_between("shrinkage", self.shrinkage, 0.0)
-        require_between("tolfun", self.tolfun, 0.0)
-        require_between("tolx", self.tolx, 0.0)
-        require_between("floor", self.floor, 1e-12, 0.499)
-        require_whole("seed", self.seed, 0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -102,12 +102,12 @@ class SubsetSearch(Search[SubsetCandidate]):
     @property
     def initial(self) -> int:
         """Candidates of generation 0."""
-        return int(self.settings.population)
+        return self.settings.population
 
     @property
     def most(self) -> int:
         """The most candidates there will be."""
-        return self.initial + int(self.settings.generations) * self.settings.offspring
+        return self.initial + self.settings.generations * self.settings.offspring
 
     @property
     def population(self) -> tuple[SubsetCandidate, ...]:
@@ -126,7 +126,7 @@ class SubsetSearch(Search[SubsetCandidate]):
     def _advance(self) -> None:
         state, settings = self._state, self.settings
         generation = state.generation + 1
-        rng = generator(int(settings.seed), Stream.SUBSET_SEARCH, generation)
+        rng = generator(settings.seed, Stream.SUBSET_SEARCH, generation)
         if generation == 0:
             drafts = initial(settings, self.space, self._starts, rng)
         else:

@@ -47,7 +47,10 @@ def printed(folder: Path) -> str:
     return "".join(output.text for output in outputs if output.output_type == "stream")
 
 
-@pytest.mark.parametrize(("notebook", "values"), [("01_quickstart", SMALL), ("report", REPORT)])
+@pytest.mark.parametrize(
+    ("notebook", "values"),
+    [("01_quickstart", SMALL), pytest.param("report", REPORT, marks=pytest.mark.slow)],
+)
 def test_two_processes_give_what_one_gives(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, notebook: str, values: dict[str, Any]
 ) -> None:

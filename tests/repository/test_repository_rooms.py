@@ -15,6 +15,7 @@ PACKAGE = ROOT / "sfkit"
 # Left to right: a room may import the rooms before it, and no other.
 ROOMS = (
     "errors",
+    "settings",
     "files",
     "streams",
     "colours",
@@ -39,6 +40,7 @@ ROOMS = (
 )
 # Rooms that know less than all that stands left of them.
 NARROW: dict[str, set[str]] = {
+    "settings": set(),
     "files": set(),
     "streams": set(),
     "colours": set(),
@@ -46,7 +48,7 @@ NARROW: dict[str, set[str]] = {
     "architectures": {"errors"},
     "datasets": {"errors", "files"},
     "merging": {"errors", "files", "checkpoints", "architectures"},  # it never sees an image
-    "search": {"errors", "files", "streams", "merging", "evaluation"},
+    "search": {"errors", "settings", "files", "streams", "merging", "evaluation"},
     "published": {"errors"},
     "editing": {"errors", "datasets", "merging", "evaluation"},
     "figures": {"errors", "colours", "analysis"},  # they draw records, and compute none

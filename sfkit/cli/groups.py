@@ -1,0 +1,157 @@
+"""Groups of options: a record of settings becomes options of a command, and comes back as a record.
+
+A command names the records it wants, and its options follow from their fields::
+
+    @grouped
+    def search(stage1: Annotated[SubsetSettings, STAGE1], compute: Annotated[Compute, COMPUTE]) -> None: ...
+
+An option that two records have is one option. Values may also come from a TOML file (``--config``), under
+the names of options; options win.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+import typer.core
+
+from sfkit.cli.config import read_config
+from sfkit.settings import Setting, setting_of
+
+NAMES = tuple[str, ...]
+"""The type of a field that the command line takes as ``a,b``."""
+
+
+@dataclass(frozen=True)
+class Group:
+    """A record of settings as options.
+
+    Attributes:
+        record: the dataclass; those of its fields that are settings become options.
+        panel: the heading of these options in ``--help``.
+        make: makes the record of its fields' values; the dataclass itself unless given.
+        only: the fields to offer; all unless given.
+        defaults: field -> default, where commands have another one than the record; None where it depends.
+        notes: field -> what to add to its help.
+    """
+
+    record: type[Any]
+    panel: str
+    make: Callable[..., Any] | None = None
+    only: tuple[str, ...] = ()
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    def options(self) -> dict[str, inspect.Parameter]:
+        """Field -> the parameter that typer makes an option of."""
+        types, found = get_type_hints(self.record), {}
+        for entry in fields(self.record):
+            said = setting_of(entry)
+            if said is not None and (not self.only or entry.name in self.only):
+                default = self.defaults.get(entry.name, entry.default)
+                said = replace(said, help=" ".join(filter(None, (said.help, self.notes.get(entry.name)))))
+                found[entry.name] = _option(entry.name, types[entry.name], default, said, self.panel)
+        return found
+
+    def collect(self, values: Mapping[str, Any]) -> Any:
+        """The record, from the values of all options of a command by parameter."""
+        types = get_type_hints(self.record)
+        own = {name: values[option.name] for name, option in self.options().items()}
+        split = {name: names(value or "") for name, value in own.items() if types[name] == NAMES}
+        return (self.make or self.record)(**own | split)
+
+
+def grouped(command: Callable[..., None]) -> Callable[..., None]:
+    """The command as typer takes it: options of its groups in place of records, and ``--config``.
+
+    Parameters without a group stay as they are.
+    """
+    hints = get_type_hints(command, include_extras=True)
+    groups: dict[str, Group] = {}
+    options: dict[str, inspect.Parameter] = {}
+    for name, parameter in inspect.signature(command).parameters.items():
+        group = next((told for told in get_args(hints[name])[1:] if isinstance(told, Group)), None)
+        if group is None:
+            options[name] = _keyword(name, hints[name], parameter.default)
+        else:
+            groups[name] = group
+            for option in group.options().values():
+                options.setdefault(option.name, option)
+    plain = [name for name in options if name in inspect.signature(command).parameters]
+    options["config"] = _config_option({name: option.annotation for name, option in options.items()})
+
+    @functools.wraps(command)
+    def run(**values: Any) -> None:
+        records = {name: group.collect(values) for name, group in groups.items()}
+        command(**{name: values[name] for name in plain}, **records)
+
+    # What typer looks at in place of the command's own.
+    run.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]
+    run.__annotations__ = {name: option.annotation for name, option in options.items()}
+    return run
+
+
+class PanelCommand(typer.core.TyperCommand):
+    """A command whose ``--help`` shows options under the headings of their groups."""
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Arguments, then each panel, then all other options."""
+        sections: dict[str, list[tuple[str, str]]] = {"Arguments": []}
+        other: list[tuple[str, str]] = []
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            panel = getattr(parameter, "rich_help_panel", None)
+            if record is not None and parameter.param_type_name == "argument":
+                sections["Arguments"].append(record)
+            elif record is not None:
+                (sections.setdefault(panel, []) if panel else other).append(record)
+        for heading, records in {**sections, "Options": other}.items():
+            if records:
+                with formatter.section(heading):
+                    formatter.write_dl(records)
+
+
+def names(text: str) -> tuple[str, ...]:
+    """``"a, b"`` -> ``("a", "b")``."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def _option(name: str, kind: Any, default: Any, said: Setting, panel: str) -> inspect.Parameter:
+    plain = f"--{name.replace('_', '-')}"
+    # What is on unless told otherwise needs a word that turns it off.
+    flags = said.flags or ((f"{plain}/--no-{plain[2:]}",) if default is True else (plain,))
+    long = next(flag for flag in flags if flag.startswith("--"))
+    parameter = long.partition("/")[0].removeprefix("--").replace("-", "_")
+    told = typer.Option(*flags, help=said.help, rich_help_panel=panel)
+    if default is None and isinstance(kind, type):
+        kind = kind | None
+    if kind == NAMES:
+        kind, default = str | None, None
+    default = inspect.Parameter.empty if default is MISSING else default
+    return _keyword(parameter, Annotated[kind, told], default)
+
+
+def _config_option(types: Mapping[str, Any]) -> inspect.Parameter:
+    def read(context: typer.Context, value: Path | None) -> Path | None:
+        if value is not None:
+            context.default_map = read_config(value, context, types)
+        return value
+
+    told = typer.Option(
+        "--config",
+        help="A TOML file of options by their names, such as seed = 1; what is given here wins.",
+        is_eager=True,  # the file is read before other options ask for their defaults
+        callback=read,
+    )
+    return _keyword("config", Annotated[Path | None, told], None)
+
+
+def _keyword(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    """A parameter that may follow one with a default."""
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)

@@ -1,0 +1,118 @@
+"""The groups of options that commands share; what a record's field says of itself is not said here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+from sfkit.cli.groups import Group
+from sfkit.datasets.benchmark import Benchmark, has_files, open_benchmark
+from sfkit.errors import InputError
+from sfkit.evaluation.compute import PARAMETERS, Compute, check_device
+from sfkit.search import Constraints, RoutingSettings, SubsetSettings
+from sfkit.settings import setting
+
+
+@dataclass(frozen=True, kw_only=True)
+class FolderChoice:
+    """Where stereo pairs are, and how they are read."""
+
+    root: Path | None = setting(None, "--root", "-r", help="The benchmark's folder.")
+    resolution: str | None = setting(None, help="Middlebury: F, H or Q.")
+    csv: Path | None = setting(None, help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id].")
+    coding: str | None = setting(
+        None, help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4."
+    )
+    every: int | None = setting(None, help="For unlabelled video: keep every so many pairs of each folder.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchmarkChoice(FolderChoice):
+    """Which benchmark a command evaluates on, and what it measures there."""
+
+    benchmark: str = setting(
+        *(..., "--benchmark", "-b"),
+        help="eth3d, kitti2012, kitti2015, middlebury, pairs, unlabelled, bank:NAME.",
+    )
+    protocol: str | None = setting(None, help="openstereo, raft, igev, nmrf or all-valid.")
+    metric: str | None = setting(
+        None, help="bad-1.0 (any threshold in pixels), d1, epe, or census (no labels)."
+    )
+
+    def open(self) -> Benchmark:
+        """The benchmark, its files found and not yet read.
+
+        Raises:
+            InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded
+                bank's benchmarks (``bank:NAME``) have none.
+        """
+        if self.root is None and has_files(self.benchmark):
+            raise InputError(f"--root is missing, expected the folder of benchmark {self.benchmark!r}")
+        benchmark = open_benchmark(
+            self.benchmark,
+            self.root,
+            protocol=self.protocol,
+            metric=self.metric,
+            resolution=self.resolution,
+            table=self.csv,
+            coding=self.coding,
+            every=self.every,
+        )
+        benchmark.ensure_scorable()
+        return benchmark
+
+
+@dataclass(frozen=True)
+class Guidance:
+    """What guides a search beside the benchmark."""
+
+    also: list[str] | None = setting(
+        None, help="Validate on a further benchmark, NAME,root=FOLDER,protocol=...; or several."
+    )
+    combine: str = setting("mean", help="With --also: guided by the mean or the worst of them.")
+
+
+def _compute(**values: Any) -> Compute:
+    check_device(values["device"], "--device")
+    return Compute(**values)
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    """What has a value, so that the method may choose the rest."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
+FolderOptions = Annotated[FolderChoice, Group(FolderChoice, "Folder")]
+BenchmarkOptions = Annotated[BenchmarkChoice, Group(BenchmarkChoice, "Benchmark")]
+GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark")]
+_COMPUTE = Group(Compute, "Where networks run", make=_compute, defaults={"engine": "auto"})
+ComputeOptions = Annotated[Compute, _COMPUTE]
+NotebookComputeOptions = Annotated[Compute, replace(_COMPUTE, only=PARAMETERS)]
+Stage1Options = Annotated[
+    dict[str, Any],
+    Group(
+        SubsetSettings,
+        "Stage 1: which sources",
+        make=_given,
+        defaults={"population": None, "generations": None},
+        notes={"population": "50, by bayesian 8.", "generations": "15, by bayesian 41 / batch."},
+    ),
+]
+Stage2Options = Annotated[
+    dict[str, Any],
+    Group(
+        RoutingSettings,
+        "Stage 2: how",
+        make=_given,
+        defaults={"evaluations": None},
+        notes={"evaluations": "300, by bayesian 80."},
+    ),
+]
+ConstraintOptions = Annotated[Constraints, Group(Constraints, "Limits of both stages")]
+
+_BUDGETS = "Budgets"
+Stage1Budget = Annotated[
+    SubsetSettings, Group(SubsetSettings, _BUDGETS, only=("population", "generations", "seed"))
+]
+Stage2Budget = Annotated[RoutingSettings, Group(RoutingSettings, _BUDGETS, only=("evaluations", "seed"))]
