@@ -33,6 +33,15 @@ def timeless(value: Any) -> Any:
     return [timeless(entry) for entry in value] if isinstance(value, list) else value
 
 
+def known_then(value: Any, before: Any) -> Any:
+    """The part of an entry that an earlier one has too: later versions may say more."""
+    if isinstance(value, dict) and isinstance(before, dict):
+        return {key: known_then(entry, before[key]) for key, entry in value.items() if key in before}
+    if isinstance(value, list) and isinstance(before, list) and len(value) == len(before):
+        return [known_then(*pair) for pair in zip(value, before, strict=True)]
+    return value
+
+
 def journal(text: str) -> list[Any]:
     return [timeless(json.loads(line)) for line in text.splitlines()]
 
@@ -49,6 +58,7 @@ def test_nothing_that_an_earlier_version_evaluated_is_evaluated_again(tmp_path: 
     before = (RECORDED / recorded_world.RESULT).read_text(encoding="utf-8")
     lines = journal((found.folder / "journal.jsonl").read_text(encoding="utf-8"))
     lines_before = journal(unpacked(recorded_world.JOURNAL).decode())
+    lines = known_then(lines, lines_before)
     if rounding() == ROUNDING:
         assert evaluator.counts.computed == 0 < evaluator.counts.cached
         assert result == before
