@@ -13,7 +13,7 @@ import torch.distributed as dist
 import typer
 
 from sfkit.checkpoints.writing import FileForm
-from sfkit.cli.options import CodingOption, ForceOption, JsonOption, PairsOption, emit, say
+from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.datasets.benchmark import open_benchmark
 from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError
@@ -49,8 +49,12 @@ def command(
     hold_out: Annotated[
         bool, typer.Option("--hold-out/--all", help="Keep the held-out sequences from training, or not.")
     ] = True,
-    csv: PairsOption = None,
-    coding: CodingOption = None,
+    csv: Annotated[
+        Path | None, typer.Option(help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id].")
+    ] = None,
+    coding: Annotated[
+        str | None, typer.Option(help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4.")
+    ] = None,
     validation: Annotated[
         str | None, typer.Option(help="A benchmark to score as it goes; it guides nothing.")
     ] = None,
