@@ -7,36 +7,15 @@ from typing import Annotated
 import typer
 
 from sfkit.analysis.linear_path import linear_paths
-from sfkit.cli.options import (
-    CodingOption,
-    JsonOption,
-    MetricOption,
-    PairsOption,
-    PoolArgument,
-    ProtocolOption,
-    ResolutionOption,
-    RootOption,
-    benchmark_of,
-    emit,
-    pool_of,
-    say,
-)
+from sfkit.cli.options import JsonOption, PoolArgument, emit, pool_of, say
+from sfkit.cli.panels import OptionalBenchmarkOptions
 from sfkit.evaluation import Evaluator
 from sfkit.evaluation.first_call import first_call
 
 
 def check(
     pool: PoolArgument,
-    benchmark: Annotated[
-        str | None,
-        typer.Option("--benchmark", "-b", help="Pairs to score midpoints on: eth3d, pairs, bank:NAME, ..."),
-    ] = None,
-    root: RootOption = None,
-    protocol: ProtocolOption = None,
-    metric: MetricOption = None,
-    resolution: ResolutionOption = None,
-    csv: PairsOption = None,
-    coding: CodingOption = None,
+    data: OptionalBenchmarkOptions,
     pairs: Annotated[int, typer.Option(min=1, help="The first so many pairs.")] = 4,
     json: JsonOption = False,
 ) -> int:
@@ -48,8 +27,8 @@ def check(
       sfkit check pool.toml --benchmark eth3d --root ~/ETH3D
     """
     opened_benchmark = None
-    if benchmark is not None:
-        whole = benchmark_of(benchmark, root, protocol, metric, resolution, csv, coding)
+    if data is not None:
+        whole = data.open()
         opened_benchmark = whole.first(min(pairs, len(whole.pairs)))
     opened = pool_of(pool)
     called = first_call(opened)

@@ -16,13 +16,15 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 import typer.core
 
 from sfkit.cli.config import read_config
 from sfkit.settings import Setting, setting_of
+
+Answer = TypeVar("Answer")  # an exit code, or None
 
 NAMES = tuple[str, ...]
 """The type of a field that the command line takes as ``a,b``."""
@@ -67,7 +69,7 @@ class Group:
         return (self.make or self.record)(**own | split)
 
 
-def grouped(command: Callable[..., None]) -> Callable[..., None]:
+def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
     """The command as typer takes it: options of its groups in place of records, and ``--config``.
 
     Parameters without a group stay as they are.
@@ -87,9 +89,9 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
     options["config"] = _config_option({name: option.annotation for name, option in options.items()})
 
     @functools.wraps(command)
-    def run(**values: Any) -> None:
+    def run(**values: Any) -> Answer:
         records = {name: group.collect(values) for name, group in groups.items()}
-        command(**{name: values[name] for name in plain}, **records)
+        return command(**{name: values[name] for name in plain}, **records)
 
     # What typer looks at in place of the command's own.
     run.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]

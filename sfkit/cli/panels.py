@@ -73,6 +73,10 @@ class Guidance:
     combine: str = setting("mean", help="With --also: guided by the mean or the worst of them.")
 
 
+def _benchmark_or_none(**values: Any) -> BenchmarkChoice | None:
+    return None if values["benchmark"] is None else BenchmarkChoice(**values)
+
+
 def _compute(**values: Any) -> Compute:
     check_device(values["device"], "--device")
     return Compute(**values)
@@ -85,6 +89,10 @@ def _given(**values: Any) -> dict[str, Any]:
 
 FolderOptions = Annotated[FolderChoice, Group(FolderChoice, "Folder")]
 BenchmarkOptions = Annotated[BenchmarkChoice, Group(BenchmarkChoice, "Benchmark")]
+OptionalBenchmarkOptions = Annotated[
+    BenchmarkChoice | None,
+    Group(BenchmarkChoice, "Benchmark", make=_benchmark_or_none, defaults={"benchmark": None}),
+]
 GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark")]
 _COMPUTE = Group(Compute, "Where networks run", make=_compute, defaults={"engine": "auto"})
 ComputeOptions = Annotated[Compute, _COMPUTE]
