@@ -231,7 +231,7 @@ class _Form:
     thousands: str
 
     def cell(self, value: object, mark: str, digits: int) -> str:
-        if value is None or value != value:  # None or NaN
+        if pd.isna(value):  # None, NaN, or the NA of whole numbers
             said = self.missing
         elif isinstance(value, float | np.floating):
             said = f"{value:.{digits}f}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -68,13 +69,15 @@ def test_warping_by_the_true_disparity_leaves_nothing() -> None:
 
 # Other tests of the same process register architectures of their own.
 SHIPPED = [name for name in architectures() if architecture(name).build.__module__.startswith("sfkit.")]
+# An adapter's network comes from a checkout, whose place is an option without a default.
+BUILT_IN = [name for name in SHIPPED if "root" not in inspect.signature(architecture(name).build).parameters]
 
 
 def test_the_shipped_architectures_are_found() -> None:
-    assert {"anynet", "nmrf-swint", "nmrf-res", "foundation-stereo"} <= set(SHIPPED)
+    assert {"anynet", "nmrf-swint", "nmrf-res", "foundation-stereo"} <= set(BUILT_IN)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", BUILT_IN)
 def test_every_architecture_has_a_backbone_to_listen_to(name: str) -> None:
     entry = architecture(name)
     options = entry.resolve({"vit_size": "vits"} if name == "foundation-stereo" else {})

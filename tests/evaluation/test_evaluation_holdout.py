@@ -121,9 +121,9 @@ def test_a_scorer_that_knows_no_images_is_refused() -> None:
 @pytest.mark.parametrize("value", [-0.1, 1, 1.0, 1.5, 2.5, True, "half", math.nan, math.inf])
 def test_what_is_neither_share_nor_folds_is_refused(value: object) -> None:
     with pytest.raises(InputError, match=r"holdout: found .*, expected 0 for none, a share"):
-        check_holdout(value)
+        check_holdout("holdout", value)
 
 
 @pytest.mark.parametrize("value", [0, 0.0, 0.5, 0.999, 2, 5, 5.0])
 def test_shares_and_folds_are_taken(value: float) -> None:
-    check_holdout(value)
+    check_holdout("holdout", value)

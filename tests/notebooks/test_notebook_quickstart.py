@@ -107,7 +107,7 @@ def test_every_figure_was_drawn_and_nothing_complained(finished: Finished) -> No
 def test_the_report_says_what_guided_the_search(finished: Finished) -> None:
     printed = "".join(output.text for output in finished.outputs() if output.get("name") == "stdout")
     assert "The search sees eth3d only; no pair of it is in the benchmarks reported as a test." in printed
-    assert "('anynet'," in printed
+    assert "'anynet', " in printed
     assert "'tiny'" in printed
     assert "No validation pair was held out" in printed
 

@@ -89,7 +89,8 @@ def test_micro_batches_add_up_to_the_batch(base: Path, tmp_path: Path) -> None:
     data = TrainingSet("scanned", tuple(MemoryPair(s.id, s) for s in scanned))
     whole = finetune(base, data, tmp_path / "a.safetensors", settings=DIVIDED)
     parts = finetune(base, data, tmp_path / "b.safetensors", settings=replace(DIVIDED, micro_batch=1))
-    assert largest_difference(whole.path, parts.path) < 1e-6
+    # Sums in another order: AdamW divides by hardly more than rounding where a gradient is nearly zero.
+    assert largest_difference(whole.path, parts.path) < 3e-5
 
 
 def test_two_processes_equal_one(base: Path, tmp_path: Path) -> None:
