@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, replace
-from json import dumps
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +12,6 @@ import typer
 
 from sfkit.analysis.inspection import recipe_lines
 from sfkit.analysis.overfit import holdout_check
-from sfkit.analysis.search_verdict import search_verdict
 from sfkit.analysis.trust import trust_of
 from sfkit.cli.options import (
     JsonOption,
@@ -35,15 +33,13 @@ from sfkit.cli.panels import (
     Stage1Options,
     Stage2Options,
 )
-from sfkit.cli.validation import described, guides_of, scoring, tests_of
+from sfkit.cli.validation import described, guides_of, scoring
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.changes import LABEL
 from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.estimate import Estimate
-from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.holdout import LEAST
-from sfkit.files import write_text
 from sfkit.merging import Pool
 from sfkit.merging.saving import read_recipe
 from sfkit.search import RoutingSettings, SubsetSettings, subset_of
@@ -74,12 +70,6 @@ def search(
         str | None,
         typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
     ] = None,
-    test: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--test", help="Test the result on NAME,root=FOLDER,..., which guides nothing; or several."
-        ),
-    ] = None,
     store: StoreOption = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
     json: JsonOption = False,
@@ -107,7 +97,6 @@ def search(
     )
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     guides, combine = guides_of(data.open(), guidance), guidance.combine
-    tests = tests_of(test, guides)
     kept_in = store or out / "evaluations.sqlite"
     _check_outputs(out, kept_in)
     opened = pool_of(pool, blocks)
@@ -123,30 +112,18 @@ def search(
             raise typer.Abort
         found = search_pool(opened, scorer, plan, out, progress=_progress)
         trusted = trust_of(opened, evaluators)
-        counts = _counts(evaluators)
-        say(f"verdict: beside base, {len(opened.names)} sources and uniform")
-        store_used = evaluators[0].store
-        judges = [Evaluator(opened, each, store=store_used, compute=compute) for each in tests]
-        judged = search_verdict(opened, found.stages, evaluators, judges)
+    counts = {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
     changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
     metric_name = str(evaluators[0].metric) if changes is None else LABEL
     check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)
-    result = {**summary(opened, found), "verdict": judged.verdict.as_dict()}
-    write_text(found.folder / "result.json", dumps(result, indent=2))
-    document = {**result, "folder": out, "evaluations": counts, "metric": metric_name}
+    document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
     document |= described(guides, combine)
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
     text = _text(found, evaluators[0].metric if changes is None else None, counts)
     if trusted is not None:
         document |= {"trust": {**asdict(trusted), "trusted": trusted.trusted, "sentence": trusted.sentence}}
         text = f"{text}\n{trusted.sentence}"
-    text = text if check is None else f"{text}\n{check.sentence}"
-    emit(document, "\n".join([*judged.lines, text]), as_json=json)
-
-
-def _counts(evaluators: Sequence[Evaluator]) -> dict[str, float]:
-    """What the search took, on all its benchmarks together."""
-    return {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
+    emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
 
 
 def _sized(plan: Plan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> Plan:

@@ -16,7 +16,6 @@ from sfkit.datasets.unlabelled import UNLABELLED
 from sfkit.errors import InputError
 from sfkit.evaluation import CombinedScorer, Compute, Evaluator
 from sfkit.evaluation.changes import LABEL
-from sfkit.evaluation.separation import check_separation
 from sfkit.merging import Pool
 
 
@@ -28,23 +27,7 @@ def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
     """
     if guidance.combine not in ("mean", "worst"):
         raise InputError(f"--combine: found {guidance.combine!r}, expected mean or worst")
-    return (first, *(_named("--also", text, first.metric) for text in guidance.also or ()))
-
-
-def tests_of(texts: Sequence[str] | None, guides: Sequence[Benchmark]) -> tuple[Benchmark, ...]:
-    """The benchmarks of ``--test``, each under its own metric where that has the guide's unit.
-
-    Raises:
-        InputError: one cannot be understood, or shares a pair with what guides.
-    """
-    guide = guides[0].metric
-    tests = []
-    for text in texts or ():
-        test = _named("--test", text, None)
-        alike = Metric.parse(test.metric).unit == Metric.parse(guide).unit
-        tests.append(test if alike else test.measured_by(metric=guide))
-    check_separation(guides, tests)
-    return tuple(tests)
+    return (first, *(_also(text, first.metric) for text in guidance.also or ()))
 
 
 @contextmanager
@@ -85,19 +68,17 @@ def described(guides: Sequence[Benchmark], combine: str) -> dict[str, Any]:
     }
 
 
-def _named(option: str, text: str, metric: str | None) -> Benchmark:
+def _also(text: str, metric: str) -> Benchmark:
     """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``,
-    or by its own where none is given or only one of the two needs ground truth.
+    or by its own where only one of the two needs ground truth.
     """
-    if not names(text):
-        raise InputError(f"{option}: found {text!r}, expected a benchmark such as eth3d,root=~/ETH3D")
     name, *entries = names(text)
-    own = metric is None or name == UNLABELLED or not Metric.parse(metric).needs_truth
+    own = name == UNLABELLED or not Metric.parse(metric).needs_truth
     values: dict[str, Any] = {"name": name} if own else {"name": name, "metric": metric}
     for entry in entries:
         key, equals, value = (piece.strip() for piece in entry.partition("="))
         if not equals:
-            raise InputError(f"{option}: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
+            raise InputError(f"--also: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
         values[key] = int(value) if key in ("pairs", "every") and value.isdecimal() else value
     (benchmark,) = open_benchmarks([values])
     benchmark.ensure_scorable()

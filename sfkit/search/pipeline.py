@@ -202,12 +202,6 @@ class Found:
     folder: Path
     routing: RoutingSearch | None = None
 
-    @property
-    def stages(self) -> dict[str, Recipe]:
-        """``Stage 1`` and ``Stage 1+2``, as far as they were run -> its recipe."""
-        found = {"Stage 1": self.stage1, "Stage 1+2": self.stage2}
-        return {name: best.recipe for name, best in found.items() if best is not None}
-
 
 def search_pool(
     pool: Pool,
