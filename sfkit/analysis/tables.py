@@ -231,7 +231,7 @@ class _Form:
     thousands: str
 
     def cell(self, value: object, mark: str, digits: int) -> str:
-        if pd.isna(value):  # None, NaN, or the NA of whole numbers
+        if value is None or value is pd.NA or value != value:  # the NA of whole numbers; NaN
             said = self.missing
         elif isinstance(value, float | np.floating):
             said = f"{value:.{digits}f}"
