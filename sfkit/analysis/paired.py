@@ -161,7 +161,7 @@ def paired_difference(
     )
     if reason := _reason(several, scores):
         return replace(found, reason=reason)
-    pairs = [tuple(_runs(one, side, metric) for side in sides) for one in several]
+    pairs = [tuple(runs_on_images(one, side, metric) for side in sides) for one in several]
     estimate = paired_estimate([(one, other) for one, other in pairs])
     return replace(found, interval=estimate.interval(level), p=estimate.p)
 
@@ -223,7 +223,8 @@ def _reason(several: Sequence[Measured], scores: Sequence[Sequence[Sequence[floa
     return ""
 
 
-def _runs(one: Measured, names: Sequence[str], metric: str | None) -> RunsOnImages:
+def runs_on_images(one: Measured, names: Sequence[str], metric: str | None = None) -> RunsOnImages:
+    """The runs of one method on one benchmark, under its own metric unless given; none of them failed."""
     terms = [one.terms(name, metric=metric) for name in names]
     return RunsOnImages.of_terms(np.stack([above for above, _ in terms]), terms[0][1])
 

@@ -17,11 +17,13 @@ from __future__ import annotations
 import enum
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, PairedEstimate, RunsOnImages, holm, paired_estimate
-from sfkit.analysis.labels import score_text
+from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, PairedEstimate, holm, paired_estimate
+from sfkit.analysis.labels import points, score_text
 from sfkit.analysis.measured import Measured
+from sfkit.analysis.paired import runs_on_images
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.recipe import Recipe
 
@@ -213,7 +215,9 @@ def estimate_between(measured: Sequence[Measured], network: str, reference: str)
         return None
     if min(len(one.ids) for one in measured) < 2:
         return PairedEstimate(value, math.inf, 1.0)
-    return paired_estimate([(_runs(one, network), _runs(one, reference)) for one in measured])
+    return paired_estimate(
+        [(runs_on_images(one, [network]), runs_on_images(one, [reference])) for one in measured]
+    )
 
 
 def _compare(
@@ -249,7 +253,7 @@ def _with_reason(
         more = evaluations[found.preferred] - evaluations[unlike]
         if more > 0:
             said.append(f"Finding {found.preferred} took {more:,} evaluations more than {unlike}.")
-    return Verdict(**{**vars(found), "reason": tuple(said)})
+    return replace(found, reason=tuple(said))
 
 
 def _first(found: Verdict, rungs: Mapping[str, tuple[int, int]]) -> list[str]:
@@ -295,16 +299,11 @@ def _second(found: Verdict, unlike: str | None) -> list[str]:
 
 
 def _difference(estimate: PairedEstimate, metric: str) -> str:
-    unit = "points" if score_text(metric, 0.0).endswith("%") else "px"
+    unit = points(Metric.parse(metric).unit)
     if math.isinf(estimate.error):
         return f"{estimate.value:+.2f} {unit}, no interval from one pair"
     low, high = estimate.interval()
     return f"{estimate.value:+.2f} {unit}, {100 * LEVEL:.0f} % interval {low:+.2f} to {high:+.2f}"
-
-
-def _runs(one: Measured, network: str) -> RunsOnImages:
-    above, below = one.terms(network)
-    return RunsOnImages.of_terms(above[None], below)
 
 
 def _mean(values: Sequence[float]) -> float:
