@@ -29,12 +29,14 @@ from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.surrogate import (
-    NO_PREDICTION,
     Prediction,
     Surrogate,
     features,
+    known_records,
     learned,
+    prediction_record,
     recipe_features,
+    with_predictions,
 )
 from sfkit.settings import setting
 from sfkit.streams import Stream, generator
@@ -88,8 +90,7 @@ class ProposedRouting(RoutingCandidate):
 
     def as_record(self) -> dict[str, Any]:
         """Plain values for the history and the journal."""
-        told = NO_PREDICTION if self.prediction is None else self.prediction.as_record()
-        return {**super().as_record(), **told}
+        return {**super().as_record(), **prediction_record(self.prediction)}
 
 
 class BayesianRoutingSearch(RoutingSearch):
@@ -158,23 +159,23 @@ class BayesianRoutingSearch(RoutingSearch):
         """One row a candidate: the columns of Stage 2, then ``predicted_mean``, ``predicted_sd`` and
         ``acquisition`` in the score's unit (NaN where no model proposed it).
         """
-        told = [candidate.as_record() for candidate in self._state.candidates]
-        return super().history.join(pd.DataFrame(told, columns=list(NO_PREDICTION)))
+        told = (c.prediction for c in self._state.candidates if isinstance(c, ProposedRouting))
+        return with_predictions(super().history, told)
 
     def _advance(self) -> None:
         state = self._state
         generation = state.generation + 1
         left = self.settings.evaluations - len(state.candidates)
         told: list[Prediction | None]
+        region = self._region()
         if generation == 0:
             vectors, origins, recipes = self._first()
             told = [None] * len(vectors)
         else:
             rng = generator(self.settings.seed, Stream.BAYESIAN_ROUTING, generation)
-            vectors, told = self._proposed(rng, min(self.population, left))
+            vectors, told = self._proposed(region, rng, min(self.population, left))
             origins = ["sample"] * len(vectors)
             recipes = [self.encoding.decode(x) for x in vectors]
-        region = self._region()
         scored = self._scored(vectors[:left], origins[:left], recipes[:left], region, generation)
         fresh = tuple(
             ProposedRouting(**vars(candidate), prediction=prediction)
@@ -201,9 +202,11 @@ class BayesianRoutingSearch(RoutingSearch):
         centre = tuple(self._mean()) if best is None else best.x
         return Distribution(tuple(float(m) for m in centre), radius, (radius,) * self.encoding.dimension)
 
-    def _proposed(self, rng: np.random.Generator, count: int) -> tuple[list[Vector], list[Prediction | None]]:
+    def _proposed(
+        self, region: Distribution, rng: np.random.Generator, count: int
+    ) -> tuple[list[Vector], list[Prediction | None]]:
         """The next batch: each has the smallest bound, by a model that believes in those before it."""
-        region, model = self._region(), self._model()
+        model = self._model()
         centre = np.array(region.mean)
         vectors: list[Vector] = []
         told: list[Prediction | None] = []
@@ -272,8 +275,4 @@ class BayesianRoutingSearch(RoutingSearch):
         return np.array([self._penalty(x, self.encoding.decode(x), zero) for x in draws])
 
     def _description(self) -> dict[str, Any]:
-        known = [
-            {"subset": entry.recipe.sources, "score": entry.score, "origin": entry.origin}
-            for entry in self.known
-        ]
-        return {**super()._description(), "method": "bayesian", "known": known}
+        return {**super()._description(), "method": "bayesian", "known": known_records(self.known)}

@@ -30,12 +30,14 @@ from sfkit.search.operators import SMALLEST, Chromosome, random_chromosome
 from sfkit.search.records import SubsetCandidate
 from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import (
-    NO_PREDICTION,
     Prediction,
     Surrogate,
     features,
+    known_records,
     learned,
+    prediction_record,
     recipe_features,
+    with_predictions,
 )
 from sfkit.settings import setting
 from sfkit.streams import Stream, generator
@@ -86,8 +88,7 @@ class ProposedSubset(SubsetCandidate):
 
     def as_record(self) -> dict[str, Any]:
         """Plain values for the history and the journal."""
-        told = NO_PREDICTION if self.prediction is None else self.prediction.as_record()
-        return {**super().as_record(), **told}
+        return {**super().as_record(), **prediction_record(self.prediction)}
 
 
 class BayesianSubsetSearch(SubsetSearch):
@@ -176,8 +177,8 @@ class BayesianSubsetSearch(SubsetSearch):
         """One row a candidate: the columns of Stage 1, then ``predicted_mean``, ``predicted_sd`` and
         ``acquisition`` in the score's unit (NaN where no model proposed it).
         """
-        told = [candidate.as_record() for candidate in self._state.candidates]
-        return super().history.join(pd.DataFrame(told, columns=list(NO_PREDICTION)))
+        told = (c.prediction for c in self._state.candidates if isinstance(c, ProposedSubset))
+        return with_predictions(super().history, told)
 
     def _advance(self) -> None:
         state = self._state
@@ -290,8 +291,4 @@ class BayesianSubsetSearch(SubsetSearch):
         return genes if all(np.array_equal(group[0], group[1]) for group in pair) else None
 
     def _description(self) -> dict[str, Any]:
-        known = [
-            {"subset": entry.recipe.sources, "score": entry.score, "origin": entry.origin}
-            for entry in self.known
-        ]
-        return {**super()._description(), "method": "bayesian", "known": known}
+        return {**super()._description(), "method": "bayesian", "known": known_records(self.known)}

@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from sfkit.evaluation.known import Known
 from sfkit.merging.recipe import Recipe
 from sfkit.search.gaussian_process import Array, GaussianProcess, Points, fit
 
@@ -34,8 +37,24 @@ class Prediction:
         return {"predicted_mean": self.mean, "predicted_sd": self.sd, "acquisition": self.acquisition}
 
 
-NO_PREDICTION = {"predicted_mean": math.nan, "predicted_sd": math.nan, "acquisition": math.nan}
+_NO_PREDICTION = {"predicted_mean": math.nan, "predicted_sd": math.nan, "acquisition": math.nan}
 """The record of a candidate that no model proposed."""
+
+
+def prediction_record(prediction: Prediction | None) -> dict[str, float]:
+    """A prediction as plain values, NaN where no model proposed the candidate."""
+    return _NO_PREDICTION if prediction is None else prediction.as_record()
+
+
+def with_predictions(history: pd.DataFrame, predictions: Iterable[Prediction | None]) -> pd.DataFrame:
+    """A history with ``predicted_mean``, ``predicted_sd`` and ``acquisition`` beside each candidate."""
+    records = [prediction_record(prediction) for prediction in predictions]
+    return history.join(pd.DataFrame(records, columns=list(_NO_PREDICTION)))
+
+
+def known_records(known: Iterable[Known]) -> list[dict[str, Any]]:
+    """What a model knew before a search began, as plain values for the journal."""
+    return [{"subset": entry.recipe.sources, "score": entry.score, "origin": entry.origin} for entry in known]
 
 
 def features(rows: Array, scales: Array) -> Points:
