@@ -137,15 +137,12 @@ def read_manifest(path: Path) -> Manifest:
         InputError: not TOML, or a key is unknown, missing or has a value that makes no sense; it is named.
     """
     data = read_toml(path)
-    layouts = data.pop("layout", None)
-    if not isinstance(layouts, list) or not layouts:
-        raise InputError(f"{path}: found no [[layout]], expected at least one")
+    layouts = pop_layouts(path, data)
     ids = _ids(path, data.pop("ids", None))
     tuples = {key: tuple(data.pop(key)) for key in ("places", "resolutions") if key in data}
     known: dict[str, Any] = {"ids": ids, "layouts": tuple(_layout(path, entry) for entry in layouts)}
     manifest: Manifest = _record(path, Manifest, data, known | tuples)
-    if manifest.name != Path(path).stem:
-        raise InputError(f"{path}: found the name {manifest.name!r}, expected that of the file")
+    check_name(path, manifest.name)
     rule("all-valid", manifest.family)
     Metric.parse(manifest.metric)
     for place in manifest.places:
@@ -166,6 +163,20 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(read_bytes(path).decode("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: is not TOML ({error}), correct the file") from error
+
+
+def pop_layouts(path: Path, data: dict[str, Any]) -> list[Any]:
+    """Take the [[layout]] tables out of a manifest's content; there is at least one."""
+    layouts = data.pop("layout", None)
+    if not isinstance(layouts, list) or not layouts:
+        raise InputError(f"{path}: found no [[layout]], expected at least one")
+    return layouts
+
+
+def check_name(path: Path, name: str) -> None:
+    """Refuse a manifest that names another data set than its file does."""
+    if name != Path(path).stem:
+        raise InputError(f"{path}: found the name {name!r}, expected that of the file")
 
 
 def _layout(path: Path, entry: Any) -> PairLayout:
@@ -200,8 +211,13 @@ def _record(path: Path, cls: type[Any], data: Mapping[str, Any], known: Mapping[
             raise InputError(f"{path}: found the unknown key {key!r}{nearest(key, allowed)}")
         if not isinstance(value, str):
             raise InputError(f"{path}: {key} is {value!r}, expected a string")
+    return made(path, cls, {**data, **known})
+
+
+def made(path: Path, cls: type[Any], values: Mapping[str, Any]) -> Any:
+    """A record of a manifest's values; a key that is missing is named."""
     try:
-        return cls(**data, **known)
+        return cls(**values)
     except TypeError as error:
         raise InputError(f"{path}: {str(error).partition('__() ')[2]}, add the key") from error
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sfkit.datasets.manifests import manifest_folder, read_toml
+from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layouts, read_toml
 from sfkit.errors import InputError, unknown_name
 
 ROLES = ("right", "disparity")
@@ -113,15 +113,12 @@ def read_source_manifest(path: Path) -> SourceManifest:
         InputError: not TOML, or a key is unknown, missing or makes no sense; it is named.
     """
     data = read_toml(path)
-    layouts = data.pop("layout", None)
-    if not isinstance(layouts, list) or not layouts:
-        raise InputError(f"{path}: found no [[layout]], expected at least one")
+    layouts = pop_layouts(path, data)
     if "held_out" in data:
         data["held_out"] = tuple(data["held_out"])
     data["layouts"] = tuple(_layout(path, dict(layout)) for layout in layouts)
     manifest: SourceManifest = _record(path, SourceManifest, data)
-    if manifest.name != path.stem:
-        raise InputError(f"{path}: found the name {manifest.name!r}, expected that of the file")
+    check_name(path, manifest.name)
     return manifest
 
 
@@ -149,7 +146,4 @@ def _record(path: Path, cls: type[Any], data: Mapping[str, Any]) -> Any:
     for key in data:
         if key not in allowed:
             raise unknown_name(f"key of {path}", key, allowed)
-    try:
-        return cls(**data)
-    except TypeError as error:
-        raise InputError(f"{path}: {str(error).partition('__() ')[2]}, add the key") from error
+    return made(path, cls, data)
