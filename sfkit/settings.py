@@ -49,7 +49,11 @@ def settle(record: Any) -> None:
         InputError: as the checks say.
     """
     for entry in fields(record):
-        said, value = setting_of(entry), getattr(record, entry.name)
-        if said is not None and said.check is not None and not (value is None and entry.default is None):
+        declared, value = setting_of(entry), getattr(record, entry.name)
+        if (
+            declared is not None
+            and declared.check is not None
+            and not (value is None and entry.default is None)
+        ):
             # A frozen record is still being made here.
-            object.__setattr__(record, entry.name, said.check(entry.name, value))
+            object.__setattr__(record, entry.name, declared.check(entry.name, value))

@@ -165,9 +165,9 @@ def tree_digest(folder: str | Path, below: str = ".") -> str:
 
 def trust(text: str) -> None:
     """Trust a file's content in this process and in those it starts."""
-    said = os.environ.get(TRUST, "")
-    if digest_of(text) not in said.split(":"):
-        os.environ[TRUST] = ":".join(filter(None, (said, digest_of(text))))
+    trusted = os.environ.get(TRUST, "")
+    if digest_of(text) not in trusted.split(":"):
+        os.environ[TRUST] = ":".join(filter(None, (trusted, digest_of(text))))
 
 
 def trust_all() -> None:
@@ -187,8 +187,8 @@ def ensure_trusted(path: Path, text: str) -> None:
     Raises:
         InputError: the user is not there to be asked, or said no.
     """
-    said, digest = os.environ.get(TRUST, "").split(":"), digest_of(text)
-    if "all" in said or digest in said or digest in _remembered():
+    trusted, digest = os.environ.get(TRUST, "").split(":"), digest_of(text)
+    if "all" in trusted or digest in trusted or digest in _remembered():
         return
     if _ask is not None and _ask(path):
         file = _memory()

@@ -292,7 +292,7 @@ def _attribute(name: str, module: types.ModuleType, attribute: str) -> object:
 def _register_plainly(name: str, found: object) -> None:
     """Register a class or builder that has no decorator; its blocks are its top-level modules.
 
-    One that was decorated keeps what its decorator said, under this name too.
+    One that was decorated keeps what its decorator declared, under this name too.
     """
     if not callable(found):
         return  # an entry point that names a module: importing it has registered what it has
@@ -331,10 +331,10 @@ def _adapted(
 def _version(
     name: str,
     builder: Callable[..., nn.Module],
-    said: str | None,
+    given: str | None,
     calling: Calling,
 ) -> str:
-    version = said if said is not None else _source_digest(name, builder)
+    version = given if given is not None else _source_digest(name, builder)
     if calling == PLAIN:
         return version
     return f"{version}+{hashlib.sha256(repr(calling).encode()).hexdigest()[:8]}"

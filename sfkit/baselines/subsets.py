@@ -74,14 +74,14 @@ def stage1_2(
     settings = RoutingSettings(evaluations=evaluations, seed=seed)
     search = RoutingSearch(first.subset, trials.pool.blocks, trials.validation, settings)
     best = search.run()
-    trials.heard(search.history.assign(stage="Stage 2"), [c.outcome for c in search.candidates])
+    trials.adopt(search.history.assign(stage="Stage 2"), [c.outcome for c in search.candidates])
     return Choice(best.recipe, settings={"subset": first.subset})
 
 
 def _stage1(trials: Trials, settings: SubsetSettings) -> SubsetCandidate:
     search = SubsetSearch(trials.pool.names, trials.pool.blocks, trials.validation, settings)
     best = search.run()
-    trials.heard(search.history.assign(stage="Stage 1"), [c.outcome for c in search.candidates])
+    trials.adopt(search.history.assign(stage="Stage 1"), [c.outcome for c in search.candidates])
     return best
 
 

@@ -71,8 +71,8 @@ class Trials:
             self._rows.append({**about, "score": score, "error": outcome.error, "cached": outcome.cached})
         return scores
 
-    def heard(self, history: pd.DataFrame, outcomes: Sequence[Outcome]) -> None:
-        """Take over what a search tried and heard."""
+    def adopt(self, history: pd.DataFrame, outcomes: Sequence[Outcome]) -> None:
+        """Take over what a search tried and measured."""
         for outcome in outcomes:
             self._count(outcome)
         self._rows += [{str(k): v for k, v in row.items()} for row in history.to_dict(orient="records")]

@@ -23,7 +23,7 @@ def network_prefix(
     tensors: Mapping[str, torch.Tensor],
     required: Iterable[str],
     rename: Rename | None = None,
-    said: str | None = None,
+    given: str | None = None,
 ) -> str:
     """What stands before the network's keys in a file; the empty string where nothing does, or none fits.
 
@@ -32,19 +32,19 @@ def network_prefix(
         tensors: the file's, by their keys.
         required: keys the network cannot be without.
         rename: keys as found -> as the network names them, applied to what is left behind the prefix.
-        said: the prefix ``pool.toml`` gives.
+        given: the prefix ``pool.toml`` gives.
 
     Raises:
         InputError: no key begins with the prefix that was given, several prefixes fit, or only most of the
             network lies under one.
     """
-    if said is not None:
-        if not any(key.startswith(said) for key in tensors):
+    if given is not None:
+        if not any(key.startswith(given) for key in tensors):
             raise InputError(
-                f"{path}: no key begins with {said!r} (prefix in pool.toml), found {next(iter(tensors))!r} "
+                f"{path}: no key begins with {given!r} (prefix in pool.toml), found {next(iter(tensors))!r} "
                 f"and {len(tensors) - 1} more"
             )
-        return said
+        return given
     needed = set(required)
     if needed <= _names(tensors, "", rename):
         return ""

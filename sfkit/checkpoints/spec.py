@@ -157,8 +157,8 @@ def _member(name: str, entry: object, root: Path, path: Path, where: str, common
 
 
 def _wrapping(values: Mapping[str, Any], path: Path, where: str, common: Wrapping) -> Wrapping:
-    said = {key: _text(values, key, path, where) for key in _WRAPPING if key in values}
-    return replace(common, **said)
+    given = {key: _text(values, key, path, where) for key in _WRAPPING if key in values}
+    return replace(common, **given)
 
 
 def _reach(root: Path) -> Path:

@@ -54,11 +54,13 @@ class Group:
         """Field -> the parameter that typer makes an option of."""
         types, found = get_type_hints(self.record), {}
         for entry in fields(self.record):
-            said = setting_of(entry)
-            if said is not None and (not self.only or entry.name in self.only):
+            declared = setting_of(entry)
+            if declared is not None and (not self.only or entry.name in self.only):
                 default = self.defaults.get(entry.name, entry.default)
-                said = replace(said, help=" ".join(filter(None, (said.help, self.notes.get(entry.name)))))
-                found[entry.name] = _option(entry.name, types[entry.name], default, said, self.panel)
+                declared = replace(
+                    declared, help=" ".join(filter(None, (declared.help, self.notes.get(entry.name))))
+                )
+                found[entry.name] = _option(entry.name, types[entry.name], default, declared, self.panel)
         return found
 
     def collect(self, values: Mapping[str, Any]) -> Any:
@@ -124,13 +126,13 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def _option(name: str, kind: Any, default: Any, said: Setting, panel: str) -> inspect.Parameter:
+def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -> inspect.Parameter:
     plain = f"--{name.replace('_', '-')}"
     # What is on unless told otherwise needs a word that turns it off.
-    flags = said.flags or ((f"{plain}/--no-{plain[2:]}",) if default is True else (plain,))
+    flags = declared.flags or ((f"{plain}/--no-{plain[2:]}",) if default is True else (plain,))
     long = next(flag for flag in flags if flag.startswith("--"))
     parameter = long.partition("/")[0].removeprefix("--").replace("-", "_")
-    told = typer.Option(*flags, help=said.help, rich_help_panel=panel)
+    told = typer.Option(*flags, help=declared.help, rich_help_panel=panel)
     if default is None and isinstance(kind, type):
         kind = kind | None
     if kind == NAMES:

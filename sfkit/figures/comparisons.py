@@ -88,8 +88,8 @@ def _answer(found: list[Difference]) -> str:
     told = (Judgement.BETTER, Judgement.WORSE, Judgement.WITHIN_NOISE)
     counts = {str(name): sum(d.word is name for d in found) for name in told}
     level = f"{100 * found[0].level:.0f} %" if found else "95 %"
-    said = ", ".join(f"{number} {name}" for name, number in counts.items() if number) or "none can be told"
-    return f"{said}; further left is better; whiskers: {level} intervals over images"
+    judged = ", ".join(f"{number} {name}" for name, number in counts.items() if number) or "none can be told"
+    return f"{judged}; further left is better; whiskers: {level} intervals over images"
 
 
 PANEL_ROW = 22

@@ -39,7 +39,7 @@ def probes_figure(probes: BlockProbes, *, theme: str = "auto", height: int | Non
     figure.update_yaxes(type="category", autorange="reversed", title_text="block")
     figure.update_xaxes(type="category", title_text="source")
     liked = [f"{block}: {source}" for block, source in probes.preferred.items() if source]
-    said = "; ".join(liked) or "none beyond noise"
+    preferred = "; ".join(liked) or "none beyond noise"
     mark = " (it guided the search)" if probes.validation else ""
     return finish(
         figure,
@@ -47,7 +47,7 @@ def probes_figure(probes: BlockProbes, *, theme: str = "auto", height: int | Non
         title="Which source does each block prefer?",
         subtitle=(
             f"change of {probes.metric} on {probes.benchmark}{mark} to the mean of the subset; "
-            f"· within noise. Preferred: {said}"
+            f"· within noise. Preferred: {preferred}"
         ),
         height=height or round(CELL * 1.6 * len(probes.blocks)) + 250,
     )

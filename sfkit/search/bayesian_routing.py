@@ -248,8 +248,8 @@ class BayesianRoutingSearch(RoutingSearch):
         if len(scores) < 2 or not np.isfinite(scores).any():
             return None
         mine = recipe_features((c.recipe for c in own), self._names, self.blocks)
-        heard = tuple(group[others] for group in self._seen)
-        return learned(tuple(np.concatenate(groups) for groups in zip(mine, heard, strict=True)), scores)
+        seen = tuple(group[others] for group in self._seen)
+        return learned(tuple(np.concatenate(groups) for groups in zip(mine, seen, strict=True)), scores)
 
     def _points(self, draws: Array) -> Points:
         """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Any
-from weakref import WeakValueDictionary
+from weakref import ReferenceType, WeakKeyDictionary, ref
 
 from sfkit.errors import SfkitError
 from sfkit.search.base import Search
-from sfkit.search.listening import HoldError, listening, metric_of
+from sfkit.search.interruptible import HoldError, interruptible, metric_of
 from sfkit.search.progress import (
     Best,
     Phase,
@@ -86,13 +86,14 @@ class LiveSearch:
         self._ran = 0.0
         self._since: float | None = None
         self._known: tuple[object, Counts, Best | None] | None = None
-        _LIVE[id(search)] = self
+        _LIVE[search] = ref(self)
 
     @classmethod
     def of(cls, search: Search[Any]) -> LiveSearch:
         """The live session of a search: the one it has, or a new one."""
-        held = _LIVE.get(id(search))
-        return held if held is not None and held.search is search else cls(search)
+        held = _LIVE.get(search)
+        live = None if held is None else held()
+        return cls(search) if live is None else live
 
     def run(self) -> None:
         """Go on until the search is done, or another command comes."""
@@ -197,11 +198,11 @@ class LiveSearch:
         """The thread: generations until done, a stop, or an error."""
         phase, error = Phase.STOPPED, None
         try:
-            with self.search.scored_by(listening(self.search.scorer, _Ear(self))):
+            with self.search.scored_by(interruptible(self.search.scorer, _Monitor(self))):
                 self._go()
         except _HaltError:
             self.search.request_stop()
-            for _ in self.search:  # takes no step: it hears the request, and tells the journal
+            for _ in self.search:  # takes no step: it sees the request, and writes it into the journal
                 break
         except Exception as raised:  # whatever it is, the person who watches must see it
             phase, error = Phase.FAILED, _sentence(raised)
@@ -217,15 +218,15 @@ class LiveSearch:
             if not self.search.done:
                 self._hold()
 
-    def _hear(self, done: int, every: int) -> None:
+    def _report(self, done: int, total: int) -> None:
         with self._changed:
             before, generation = self._within, self.search.generation
             cached = before.cached if before.after == generation else done
-            self._within = _Within(cached, done, max(every, 1), generation)
+            self._within = _Within(cached, done, max(total, 1), generation)
             self._changed.notify_all()
-            if done < every and self._wanted is _Wanted.PAUSE:
+            if done < total and self._wanted is _Wanted.PAUSE:
                 raise HoldError
-            if done < every and self._wanted is _Wanted.STOP:
+            if done < total and self._wanted is _Wanted.STOP:
                 raise _HaltError
 
     def _hold(self) -> None:
@@ -251,11 +252,11 @@ def _sentence(error: Exception) -> str:
     return str(error) if isinstance(error, SfkitError) else f"{type(error).__name__}: {error}"
 
 
-class _Ear:
-    """What the scorer tells of its work."""
+class _Monitor:
+    """Where the scorer reports its work."""
 
     def __init__(self, live: LiveSearch) -> None:
-        self.hear, self.hold = live._hear, live._hold
+        self.report, self.hold = live._report, live._hold
 
 
-_LIVE: WeakValueDictionary[int, LiveSearch] = WeakValueDictionary()
+_LIVE: WeakKeyDictionary[Search[Any], ReferenceType[LiveSearch]] = WeakKeyDictionary()

@@ -170,7 +170,7 @@ class Plan:
 
 
 def _with_own(known: Sequence[Known], stage1: SubsetSearch) -> tuple[Known, ...]:
-    """What was known before, and what Stage 1 heard, each recipe once."""
+    """What was known before, and what Stage 1 measured, each recipe once."""
     own = [Known(c.recipe, c.score) for c in stage1.candidates if not (c.repeated or c.failed)]
     return tuple({entry.recipe: entry for entry in (*known, *own)}.values())
 

@@ -220,15 +220,15 @@ def _start(
                 {"file": "", "fingerprint": "", "licence": ""},
             )
     path = Path(base)
-    said = read_training(path)
-    if name is None and said is not None:
-        name, options = said["architecture"]["name"], {**said["architecture"]["options"], **options}
+    recorded = read_training(path)
+    if name is None and recorded is not None:
+        name, options = recorded["architecture"]["name"], {**recorded["architecture"]["options"], **options}
     loaded = load_network(path, name=name, options=options)
     entry = architecture(loaded.name)
     chosen = entry.resolve(options, near=path)
     file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
     identity = fingerprint({key: tensor_digest(tensor) for key, tensor in file.tensors.items()})
-    origin = {"file": path.name, "fingerprint": identity, "licence": str((said or {}).get("licence", ""))}
+    origin = {"file": path.name, "fingerprint": identity, "licence": str((recorded or {}).get("licence", ""))}
     return entry, chosen, loaded.network, file.layout, origin
 
 
@@ -236,7 +236,7 @@ def _recording(folder: Path, listen: Listener | None) -> Listener:
     """Keep ``training.csv`` beside the states, so that a running training can be watched."""
     written = 0
 
-    def hear(course: Course) -> None:
+    def record(course: Course) -> None:
         nonlocal written
         if course.done - written >= 50 or course.done == course.steps:
             written = course.done
@@ -244,7 +244,7 @@ def _recording(folder: Path, listen: Listener | None) -> Listener:
         if listen is not None:
             listen(course)
 
-    return hear
+    return record
 
 
 def write_curve(folder: Path, course: Course) -> None:

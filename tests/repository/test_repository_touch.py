@@ -147,7 +147,17 @@ ADDITIONS: dict[str, dict[str, str | Edits]] = {
             ),
         ),
     },
+    "a shared option": {
+        "sfkit/evaluation/compute.py": (
+            (
+                "    channels_last: bool",
+                '    pinned: bool = setting(False, help="Page-locked memory.")\n',
+            ),
+        ),
+    },
 }
+
+SHARING = ("search", "baselines", "evaluate")  # commands that take the record
 
 
 USE = """
@@ -158,6 +168,8 @@ from safetensors.torch import save_file
 from sfkit import baselines
 from sfkit.checkpoints.spec import Member, PoolSpec
 from sfkit.merging import open_pool
+from sfkit.cli.app import app
+from typer.testing import CliRunner
 
 folder = Path(sys.argv[1])
 assert Path(sfkit.__file__).is_relative_to(folder), sfkit.__file__
@@ -182,6 +194,7 @@ print(json.dumps({
     "halves": list(run.results["halves"].recipe.sources),
     "steps": steps_taken(pool),
     "figure": FIGURES["steps"]("dark").layout.title.text,
+    "option": ["--pinned" in CliRunner().invoke(app, [name, "--help"]).output for name in sys.argv[3:]],
 }))
 """
 
@@ -227,7 +240,7 @@ def found(tree: Path) -> Mapping[str, object]:
     cell = next(cell["source"] for cell in book["cells"] if cell["id"] == "steps")
     places = os.pathsep.join(map(str, (tree, ROOT / "tests")))
     done = subprocess.run(
-        [sys.executable, "-c", USE, tree, cell],
+        [sys.executable, "-c", USE, tree, cell, *SHARING],
         cwd=tree,
         env={**os.environ, "PYTHONPATH": places},
         capture_output=True,
@@ -262,6 +275,7 @@ def test_what_was_added_works(found: Mapping[str, object]) -> None:
     assert found["scores"] == pytest.approx([(17 / 3 - 5) ** 2, (4 - 5) ** 2], rel=1e-5)
     assert found["steps"] == {"a": 2.0, "b": 4.0, "c": 8.0}
     assert found["figure"] == "How far?"
+    assert found["option"] == [True] * len(SHARING)
     names = found["baselines"]
     assert isinstance(names, list)
     assert names.index("halves") == names.index("uniform") + 1

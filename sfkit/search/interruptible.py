@@ -14,52 +14,52 @@ from sfkit.merging.recipe import Recipe
 
 
 class HoldError(Exception):
-    """Raised by a listener to hold: nothing is computed until its ``hold`` returns."""
+    """Raised by a monitor to hold: nothing is computed until its ``hold`` returns."""
 
 
-class Listener(Protocol):
-    """Who hears how far a generation is. Both methods may raise to break it off."""
+class Monitor(Protocol):
+    """Follows how far a generation is. Both methods may raise to break it off."""
 
-    def hear(self, done: int, every: int) -> None:
+    def report(self, done: int, total: int) -> None:
         """So many of a generation's recipes are done, in the store or computed; may raise HoldError."""
 
     def hold(self) -> None:
         """Block until it goes on."""
 
 
-class Listening:
-    """An evaluator whose every evaluation is heard of; all that was heard of is in the store.
+class InterruptibleEvaluator:
+    """An evaluator that reports every evaluation; all that was reported is in the store.
 
     While held the evaluator is free: others may use it.
 
     Args:
         evaluator: does the work.
-        listener: hears of it.
+        monitor: is told of it.
     """
 
-    def __init__(self, evaluator: Evaluator, listener: Listener) -> None:
+    def __init__(self, evaluator: Evaluator, monitor: Monitor) -> None:
         self.evaluator = evaluator
-        self.listener = listener
+        self.monitor = monitor
 
     def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
         """One outcome a recipe, in order; what was computed before a hold does not count as cached."""
         before: frozenset[str] = frozenset()
-        heard = held = False
+        reported = held = False
 
-        def hear(done: int, every: int) -> None:
-            nonlocal before, heard
+        def report(done: int, total: int) -> None:
+            nonlocal before, reported
             # Whatever is in the store later than now was computed here; seldom is only a part in it.
-            if not heard and 0 < done < every:
+            if not reported and 0 < done < total:
                 before = self._stored(recipes)
-            heard = True
-            self.listener.hear(done, every)
+            reported = True
+            self.monitor.report(done, total)
 
         while True:
             try:
-                found = self.evaluator.evaluate(recipes, progress=hear)
+                found = self.evaluator.evaluate(recipes, progress=report)
             except HoldError:
                 held = True
-                self.listener.hold()
+                self.monitor.hold()
                 continue
             outcomes = [self.evaluator.outcome(evaluation) for evaluation in found]
             if not held:
@@ -72,29 +72,29 @@ class Listening:
 
 
 class _Part:
-    """Hears of the ``number``-th of ``every`` benchmarks: a recipe is done when it is done on all."""
+    """Follows the ``number``-th of ``count`` benchmarks: a recipe is done when it is done on all."""
 
-    def __init__(self, listener: Listener, number: int, every: int) -> None:
-        self._listener, self._number, self._every = listener, number, every
+    def __init__(self, monitor: Monitor, number: int, count: int) -> None:
+        self._monitor, self._number, self._count = monitor, number, count
 
-    def hear(self, done: int, every: int) -> None:
-        self._listener.hear((self._number * every + done) // self._every, every)
+    def report(self, done: int, total: int) -> None:
+        self._monitor.report((self._number * total + done) // self._count, total)
 
     def hold(self) -> None:
-        self._listener.hold()
+        self._monitor.hold()
 
 
-def listening(scorer: Scorer, listener: Listener) -> Scorer:
-    """The same scorer, heard of between two evaluations.
+def interruptible(scorer: Scorer, monitor: Monitor) -> Scorer:
+    """The same scorer, which reports between two evaluations and can be held there.
 
-    Of several combined benchmarks each is heard of for itself, one after the other. A scorer of another
+    Of several combined benchmarks each reports for itself, one after the other. A scorer of another
     kind is called as a whole, since only it knows how to divide its work.
     """
     if isinstance(scorer, Evaluator):
-        return Listening(scorer, listener)
+        return InterruptibleEvaluator(scorer, monitor)
     if isinstance(scorer, CombinedScorer):
-        every = len(scorer.evaluators)
-        parts = [listening(part, _Part(listener, n, every)) for n, part in enumerate(scorer.evaluators)]
+        count = len(scorer.evaluators)
+        parts = [interruptible(part, _Part(monitor, n, count)) for n, part in enumerate(scorer.evaluators)]
         return scorer.over(parts)
     return scorer
 
