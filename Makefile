@@ -29,7 +29,7 @@ demo: $(INSTALLED) ## both stages on the embedded bank, in about two minutes
 	env -u OMP_NUM_THREADS $(BIN)/sfkit demo
 
 test: $(INSTALLED) ## run all tests
-	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile $(PYTEST)
+	$(BIN)/python -m pytest --slow -n $(JOBS) --dist loadfile --no-loadscope-reorder $(PYTEST)
 
 peers: $(PEERS) ## cross-check merging against mergekit, in its own environment
 	.venv-peers/bin/python -m pytest tests/peers $(PYTEST)

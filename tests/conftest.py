@@ -102,8 +102,13 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Slow tests are not skipped but deselected: they are a choice, not a missing condition."""
+    """Slow tests are not skipped but deselected: they are a choice, not a missing condition.
+
+    Files that hold some come first: the last file of all should be a short one, for nobody else works then.
+    """
     if config.getoption("--slow"):
+        long = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in long)
         return
     slow = [item for item in items if item.get_closest_marker("slow")]
     config.hook.pytest_deselected(items=slow)

@@ -235,12 +235,16 @@ def test_mixed_precision_changes_nothing_on_a_processor(
 
 
 def test_half_precision_around_the_network_keeps_the_disparity_float32(
-    network: FoundationStereo, pairs: Pairs, trace: Trace
+    network: FoundationStereo, pairs: Pairs
 ) -> None:
-    with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16):
-        found = network(*pairs)
+    left, right = (images[:1, :, :32] for images in pairs)  # processors may emulate bfloat16, slowly
+    with torch.inference_mode():
+        whole = network(left, right)
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            found = network(left, right)
     assert found.dtype == torch.float32
-    assert (found - trace.disparities[-1]).abs().mean() < 1.0
+    assert not torch.equal(found, whole)
+    assert (found - whole).abs().mean() < 1.0
 
 
 def test_gradients_reach_every_parameter_but_the_frozen_and_the_dead(
