@@ -37,6 +37,7 @@ from sfkit.analysis.overfit import (
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
+from sfkit.analysis.ranking import Ranking, drawn_networks, rank_networks, ranking_table
 from sfkit.analysis.recipes import recipe_table
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
@@ -53,6 +54,7 @@ from sfkit.analysis.tables import (
     source_table,
     styled,
 )
+from sfkit.analysis.trust import Trust, trust, trust_of
 from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
 
 __all__ = [
@@ -77,6 +79,7 @@ __all__ = [
     "OutlierRegion",
     "PopulationHistory",
     "PopulationSizes",
+    "Ranking",
     "RegionScores",
     "RoutingTrace",
     "ScoreGrid",
@@ -87,6 +90,7 @@ __all__ = [
     "Support",
     "TaskVectorGeometry",
     "Trial",
+    "Trust",
     "Verdict",
     "advantage",
     "advantage_panels",
@@ -99,6 +103,7 @@ __all__ = [
     "cost_table",
     "data_similarity",
     "disparity_panels",
+    "drawn_networks",
     "environment",
     "export_table",
     "fitness_metrics",
@@ -121,6 +126,8 @@ __all__ = [
     "population_history",
     "population_sizes",
     "probe_recipes",
+    "rank_networks",
+    "ranking_table",
     "ranks",
     "recipe_table",
     "region_scores",
@@ -140,6 +147,8 @@ __all__ = [
     "summary",
     "task_vector_geometry",
     "textureless_mask",
+    "trust",
+    "trust_of",
     "validation_sets",
     "verdict",
     "watched_population",

@@ -5,16 +5,24 @@ The limits were set on real networks and on the embedded bank: docs/results.md, 
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
+from sfkit.analysis.ranking import (
+    FEW_NETWORKS,
+    Agreement,
+    agreement,
+    rank_correlation,
+    scored_by_both,
+    yardstick_recipes,
+)
 from sfkit.datasets.census import CENSUS, CensusTarget
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
@@ -28,29 +36,8 @@ TEXTURE = 0.3  # share of pixels with texture
 INSIDE = 0.7  # share of pixels whose match lies inside the right image
 FLAT = 1.0  # pixels between the 5th and the 95th percentile of a disparity map
 FEW_PAIRS = 4
-FEW_NETWORKS = 8
-DRAWS = 1000
 
 Table = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How ``census`` ranks networks beside a metric with labels.
-
-    Attributes:
-        correlation: Spearman's rank correlation over the networks.
-        interval: its 95 % percentile interval over networks drawn with replacement.
-        regret: how much worse the network with the best census is than the best, in the metric's unit.
-        networks: how many were compared.
-        metric: the metric with labels, and its benchmark.
-    """
-
-    correlation: float
-    interval: tuple[float, float]
-    regret: float
-    networks: int
-    metric: str
 
 
 @dataclass(frozen=True)
@@ -127,26 +114,6 @@ class Trust:
         )
 
 
-def agreement(census: Sequence[float], truth: Sequence[float], metric: str, *, seed: int = 0) -> Agreement:
-    """How scores without labels rank networks beside scores with labels; a network a place, lower is better.
-
-    Raises:
-        InputError: different numbers, or fewer than eight networks.
-    """
-    if len(census) != len(truth) or len(census) < FEW_NETWORKS:
-        raise InputError(
-            f"trust: found {len(census)} scores without and {len(truth)} with labels, expected as many "
-            f"of both, at least {FEW_NETWORKS}: score more merges"
-        )
-    ours, theirs = np.asarray(census, np.float64), np.asarray(truth, np.float64)
-    rng = generator(seed, Stream.TRUST)
-    drawn = (rng.integers(len(ours), size=len(ours)) for _ in range(DRAWS))
-    spread = [_correlation(ours[chosen], theirs[chosen]) for chosen in drawn]
-    low, high = np.nanpercentile(spread, (2.5, 97.5))
-    regret = float(theirs[int(ours.argmin())] - theirs.min())
-    return Agreement(_correlation(ours, theirs), (float(low), float(high)), regret, len(ours), metric)
-
-
 def stability(scores: Table, *, seed: int = 0, splits: int = 50) -> float:
     """Mean rank correlation over random halves of the pairs; NaN for too few.
 
@@ -160,7 +127,7 @@ def stability(scores: Table, *, seed: int = 0, splits: int = 50) -> float:
     for _ in range(splits):
         order = rng.permutation(pairs)
         first, second = order[: pairs // 2], order[pairs // 2 :]
-        found.append(_correlation(scores[:, first].mean(axis=1), scores[:, second].mean(axis=1)))
+        found.append(rank_correlation(scores[:, first].mean(axis=1), scores[:, second].mean(axis=1)))
     return float(np.nanmean(found)) if not np.isnan(found).all() else float("nan")
 
 
@@ -170,19 +137,8 @@ def is_collapsed(disparity: NDArray[np.floating[Any]]) -> bool:
     return bool(high - low < FLAT or high < FLAT)
 
 
-def yardstick_recipes(pool: Pool) -> list[Recipe]:
-    """Networks that every pool has: base, uniform, each source alone, and all sources but one."""
-    names = pool.names
-    left_out = [tuple(n for n in names if n != name) for name in names] if len(names) > 2 else []
-    return [
-        pool.base_recipe(),
-        pool.uniform(),
-        *(pool.equal(*s) for s in [*((n,) for n in names), *left_out]),
-    ]
-
-
 def trust(
-    scorer: Evaluator,
+    scorers: Evaluator | Sequence[Evaluator],
     recipes: Sequence[Recipe],
     *,
     labelled: Evaluator | None = None,
@@ -190,50 +146,66 @@ def trust(
 ) -> Trust:
     """Look at the ranking of networks by ``census``; whatever the stores have is not computed again.
 
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
+
     Args:
-        scorer: of the pairs without labels, by ``census``.
-        recipes: the networks, such as those a search scored.
-        labelled: where labels are at hand, a scorer of the same pool by a metric that needs them.
+        scorers: of the pairs without labels, by ``census``; several are looked at as one set of pairs.
+        recipes: the networks, such as :func:`~sfkit.analysis.ranking.yardstick_recipes`.
+        labelled: where labels are at hand, a scorer of the same pool by a metric that needs them. Compared
+            are all networks that the stores hold under both, whoever asked for them.
         seed: of the draws behind interval and halves.
 
     Raises:
         InputError: another metric, no network, or with labels fewer than eight.
     """
-    if scorer.metric.name != CENSUS.name:
-        raise InputError(f"trust: found the metric {scorer.metric}, expected a scorer by census")
-    if not recipes:
-        raise InputError("trust: found no network, expected those that were scored")
-    evaluations = scorer.evaluate(recipes)
-    sound = [n for n, one in enumerate(evaluations) if not one.failure]
+    parts = (scorers,) if isinstance(scorers, Evaluator) else tuple(scorers)
+    for part in parts:
+        if part.metric.name != CENSUS.name:
+            raise InputError(f"trust: found the metric {part.metric}, expected a scorer by census")
+    if not (parts and recipes):
+        raise InputError("trust: found no scorer or no network, expected those that were scored")
+    evaluations = [part.evaluate(recipes) for part in parts]
+    sound = [n for n in range(len(recipes)) if not any(row[n].failure for row in evaluations)]
     if not sound:
         raise InputError("trust: every network failed, expected one that was scored")
-    table = np.array([[image.value(CENSUS) for image in evaluations[n].images] for n in sound])
+    table = np.array([[i.value(CENSUS) for row in evaluations for i in row[n].images] for n in sound])
     found = None
     if labelled is not None:
-        outcomes = labelled([recipes[n] for n in sound])
-        both = [(row.mean(), o.score) for row, o in zip(table, outcomes, strict=True) if not o.failed]
-        metric = f"{labelled.metric} on {labelled.benchmark.name}"
-        found = agreement([ours for ours, _ in both], [theirs for _, theirs in both], metric, seed=seed)
+        labelled.evaluate(recipes)
+        census, truth = scored_by_both(parts, labelled)
+        found = agreement(census, truth, f"{labelled.metric} on {labelled.benchmark.name}", seed=seed)
     best = recipes[sound[int(table.mean(axis=1).argmin())]]
-    texture, inside, collapsed = _seen(scorer.pool, scorer.prepared, best, scorer.device)
-    return Trust(found, stability(table, seed=seed), texture, inside, collapsed, table.shape[1])
+    seen = [row for part in parts for row in _seen(part.pool, part.prepared, best, part.device)]
+    texture, inside, collapsed = np.mean(seen, axis=0).tolist()
+    judged = Trust(found, stability(table, seed=seed), texture, inside, collapsed, table.shape[1])
+    if judged.doubts:
+        warnings.warn(judged.sentence, SfkitWarning, stacklevel=2)
+    return judged
 
 
 def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
-    """Whether the guide without labels among a search's guides may be trusted; None where there is none.
+    """Whether the guides without labels among all guides may be trusted; None where there is none.
 
-    Looks at :func:`yardstick_recipes`; a guide with labels beside it says how well they agree.
+    Looks at the networks every pool has (:func:`~sfkit.analysis.ranking.yardstick_recipes`); a guide with
+    labels beside them says how well they agree, over these and all networks that were scored by both.
     """
-    unlabelled = next((one for one in evaluators if one.metric.name == CENSUS.name), None)
-    if unlabelled is None:
+    unlabelled = [one for one in evaluators if one.metric.name == CENSUS.name]
+    if not unlabelled:
         return None
-    recipes = yardstick_recipes(pool)
+    recipes = list(yardstick_recipes(pool).values())
     labelled = next((one for one in evaluators if one.metric.needs_truth), None)
-    return trust(unlabelled, recipes, labelled=labelled if len(recipes) >= FEW_NETWORKS else None)
+    if labelled is not None:
+        for one in (*unlabelled, labelled):
+            one.evaluate(recipes)
+        if len(scored_by_both(unlabelled, labelled)[0]) < FEW_NETWORKS:
+            labelled = None  # a pool of two sources that nothing searched: no correlation to speak of
+    return trust(unlabelled, recipes, labelled=labelled)
 
 
-def _seen(pool: Pool, prepared: PreparedBenchmark, recipe: Recipe, device: str) -> tuple[float, float, float]:
-    """Shares of pixels with texture and inside, and of maps that are collapsed, under one network."""
+def _seen(
+    pool: Pool, prepared: PreparedBenchmark, recipe: Recipe, device: str
+) -> list[tuple[float, float, bool]]:
+    """Of each pair, shares of pixels with texture and inside, and whether one network's map is collapsed."""
     live = LiveModel(pool, device=device)
     live.apply(recipe)
     rows = []
@@ -242,11 +214,4 @@ def _seen(pool: Pool, prepared: PreparedBenchmark, recipe: Recipe, device: str) 
         target = CensusTarget(sample.left, sample.right)
         finite = bool(np.isfinite(map_).all())
         rows.append((target.texture, target.residual(map_).inside, is_collapsed(map_) if finite else True))
-    texture, inside, collapsed = np.mean(rows, axis=0).tolist()
-    return texture, inside, collapsed
-
-
-def _correlation(first: Table, second: Table) -> float:
-    if np.ptp(first) == 0 or np.ptp(second) == 0:
-        return float("nan")
-    return float(spearmanr(first, second).statistic)
+    return rows

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from sfkit.analysis.trust import trust_of
 from sfkit.baselines import BaselineResult, BaselineRun, baseline_named, baseline_table, run_baselines
 from sfkit.cli.groups import names
 from sfkit.cli.options import (
@@ -21,11 +22,7 @@ from sfkit.cli.options import (
 )
 from sfkit.cli.outputs import check_file, check_store
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
-from sfkit.cli.validation import (
-    described,
-    guides_of,
-    scoring,
-)
+from sfkit.cli.validation import described, guides_of, scoring, trust_entry, trust_lines
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator
 from sfkit.evaluation.changes import LABEL
@@ -59,6 +56,7 @@ def baselines(
       sfkit baselines bank --benchmark bank:courtyard --names uniform,task_arithmetic,ties --seed 1
       sfkit baselines pool.toml -b pairs -r ~/pairs --names dare,stage1 --population 20 --json
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
+      sfkit baselines pool.toml -b unlabelled -r ~/drive --every 20 --names uniform,adamerging,stage1
     """
     named = None if methods is None else _methods(methods)
     chosen, combine = data.open(), guidance.combine
@@ -79,6 +77,7 @@ def baselines(
             evaluations=stage2.evaluations,
             progress=_progress,
         )
+        trusted = trust_of(opened, evaluators)
     if out is not None:
         write_table(baseline_table(run), out)
     document = {
@@ -91,7 +90,11 @@ def baselines(
         "baselines": [_entry(result) for result in run.results.values()],
         "skipped": run.skipped,
     }
-    emit(document, _text(evaluators, combine, run), as_json=json)
+    text = _text(evaluators, combine, run)
+    if trusted is not None:
+        document |= trust_entry(trusted)
+        text = "\n".join([text, *trust_lines(trusted)])
+    emit(document, text, as_json=json)
 
 
 def _methods(text: str) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -33,7 +33,7 @@ from sfkit.cli.panels import (
     Stage1Options,
     Stage2Options,
 )
-from sfkit.cli.validation import described, guides_of, scoring
+from sfkit.cli.validation import described, guides_of, scoring, trust_entry, trust_lines
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.changes import LABEL
@@ -121,8 +121,8 @@ def search(
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
     text = _text(found, evaluators[0].metric if changes is None else None, counts)
     if trusted is not None:
-        document |= {"trust": {**asdict(trusted), "trusted": trusted.trusted, "sentence": trusted.sentence}}
-        text = f"{text}\n{trusted.sentence}"
+        document |= trust_entry(trusted)
+        text = "\n".join([text, *trust_lines(trusted)])
     emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
 
 

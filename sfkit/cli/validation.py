@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from sfkit.analysis.trust import Trust
 from sfkit.cli.groups import names
 from sfkit.cli.options import say, store_of
 from sfkit.cli.panels import Guidance
@@ -66,6 +68,16 @@ def described(guides: Sequence[Benchmark], combine: str) -> dict[str, Any]:
         "validation": [guide.name for guide in guides],
         "combine": combine if len(guides) > 1 else None,
     }
+
+
+def trust_entry(trusted: Trust) -> dict[str, Any]:
+    """For a document: what speaks for and against a guide without labels."""
+    return {"trust": {**asdict(trusted), "trusted": trusted.trusted, "sentence": trusted.sentence}}
+
+
+def trust_lines(trusted: Trust) -> list[str]:
+    """For a text: the sentence, where no warning has said it already."""
+    return [trusted.sentence] if trusted.trusted else []
 
 
 def _also(text: str, metric: str) -> Benchmark:

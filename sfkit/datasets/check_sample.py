@@ -17,13 +17,14 @@ def problems(sample: Sample, *, labelled: bool = True) -> tuple[str, ...]:
     found = []
     if labelled and not known.any():
         found.append("no ground truth is finite and positive; check the file and its coding")
-    if np.array_equal(sample.left, sample.right):
-        found.append("left and right are the same image; give the two views of the pair")
-    found += [
+    flat = [
         f"the {side} image is one flat colour; check the file"
         for side, image in (("left", sample.left), ("right", sample.right))
         if (image == image[:1, :1]).all()
     ]
+    found += flat
+    if not flat and np.array_equal(sample.left, sample.right):
+        found.append("left and right are the same image; give the two views of the pair")
     if known.any() and (share := float((sample.disparity[known] > sample.size[1]).mean())) > 0:
         found.append(
             f"{100 * share:.1f} % of the disparities exceed the image's width of {sample.size[1]} px; "

@@ -11,7 +11,7 @@ from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Scorer
-from sfkit.evaluation.store import HAND_EDIT, EvaluationStore
+from sfkit.evaluation.store import HAND_EDIT, Evaluation, EvaluationStore
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -79,19 +79,32 @@ def _began(store: EvaluationStore, name: str) -> int:
     return int(dict(store.marks(_BEGAN))[name])
 
 
-def _known(pool: Pool, evaluator: Evaluator, before: int) -> dict[str, Known]:
-    """By the recipe's canonical form."""
+def scored(evaluator: Evaluator, before: int | None = None) -> dict[str, Evaluation]:
+    """Every evaluation in an evaluator's store that it made or might have, by the recipe's canonical JSON.
+
+    In the order of writing; failed candidates are left out. ``before`` keeps the first so many that were
+    written, all unless given.
+    """
     frame = json.loads(json.dumps(evaluator.frame))
-    edited = {key for key, _ in evaluator.store.marks(HAND_EDIT)}
+    store = evaluator.store
     found = {}
-    for evaluation in evaluator.store.until(before):
+    for evaluation in store if before is None else store.until(before):
         described = dict(evaluation.description)
         canonical = described.pop("recipe", None)
-        recipe = None if evaluation.failure or described != frame else _recipe(pool, canonical)
+        if not evaluation.failure and described == frame:
+            found[json.dumps(canonical, sort_keys=True)] = evaluation
+    return found
+
+
+def _known(pool: Pool, evaluator: Evaluator, before: int) -> dict[str, Known]:
+    """By the recipe's canonical form."""
+    edited = {key for key, _ in evaluator.store.marks(HAND_EDIT)}
+    found = {}
+    for canonical, evaluation in scored(evaluator, before).items():
+        recipe = _recipe(pool, json.loads(canonical))
         if recipe is not None:
             origin = HAND_EDIT if evaluation.key in edited else "search"
-            score = evaluator.score(evaluation.images)
-            found[json.dumps(canonical, sort_keys=True)] = Known(recipe, score, origin)
+            found[canonical] = Known(recipe, evaluator.score(evaluation.images), origin)
     return found
 
 

@@ -15,6 +15,7 @@ from sfkit.figures.growth import population_sizes_figure
 from sfkit.figures.interpolation import interpolation_figure
 from sfkit.figures.overfit import learning_figure
 from sfkit.figures.probes import probes_figure
+from sfkit.figures.ranking import ranking_figure
 from sfkit.figures.routings import routing_figure, scales_figure
 from sfkit.figures.scores import scores_figure
 from sfkit.figures.selection import selection_figure
@@ -36,6 +37,7 @@ __all__ = [
     "population_figure",
     "population_sizes_figure",
     "probes_figure",
+    "ranking_figure",
     "routing_figure",
     "scales_figure",
     "scores_figure",

@@ -131,7 +131,7 @@ def test_images_that_tell_nothing(tmp_path: Path) -> None:
     pool, (a, b) = flat_pool(tmp_path / "pool"), views()
     cases = {
         "same": (a, a, "left and right are the same image"),
-        "black": (np.zeros_like(a), np.zeros_like(a), "left and right are the same image"),
+        "black": (np.zeros_like(a), np.zeros_like(a), "the left image is one flat colour"),
         "lens-cap": (a, np.zeros_like(a), "the right image is one flat colour"),
         "sizes": (a, b[:, :-2], "found 118x48 pixels, expected 120x48"),
     }

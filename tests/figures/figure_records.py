@@ -29,8 +29,10 @@ from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory, summarise
 from sfkit.analysis.growth import PopulationSizes
 from sfkit.analysis.overfit import LearningCurve
+from sfkit.analysis.ranking import Ranking, agreement
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
+from sfkit.datasets.metric import Metric
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
 from sfkit.merging import Recipe
 
@@ -232,6 +234,19 @@ def regions() -> RegionScores:
     )
 
 
+def rankings() -> tuple[Ranking, ...]:
+    """Eight networks on two benchmarks: ranked as labels do but for one swap, and the other way round."""
+    names, truth = tuple("abcdefgh"), np.arange(10.0, 90.0, 10.0)
+    census = {"here": np.array([21.0, 20, 22, 23, 24, 25, 26, 27]), "there": np.arange(8.0)[::-1]}
+    return tuple(
+        Ranking(
+            *(name, Metric.parse("bad-1.0"), names, scores, truth),
+            agreement(scores, truth, f"bad-1.0 on {name}"),
+        )
+        for name, scores in census.items()
+    )
+
+
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
     "evolution": lambda theme: figures.evolution_figure(evolved(), theme=theme),
@@ -244,6 +259,7 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "selection": lambda theme: figures.selection_figure(selection(), theme=theme),
     "similarity": lambda theme: figures.similarity_figure(similarities(), theme=theme),
     "regions": lambda theme: figures.scores_figure(regions().grid(), theme=theme),
+    "ranking": lambda theme: figures.ranking_figure(rankings(), theme=theme),
     "routing": lambda theme: figures.routing_figure(trace(), theme=theme),
     "routing by block": lambda theme: figures.routing_figure(trace(tied=False), theme=theme),
     "scales": lambda theme: figures.scales_figure(trace(), theme=theme),
