@@ -9,9 +9,8 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.labels import points
+from sfkit.analysis.labels import metric_label, points
 from sfkit.analysis.ranking import Ranking
-from sfkit.datasets.census import CENSUS
 from sfkit.errors import InputError
 from sfkit.figures.theme import ACCENT, WARM, finish, read_theme
 
@@ -40,7 +39,7 @@ def ranking_figure(
     )
     for col, one in enumerate(rankings, 1):
         _dots(figure, one, col)
-    figure.update_xaxes(title_text=CENSUS.axis)
+    figure.update_xaxes(title_text=metric_label("census"))
     figure.update_yaxes(title_text=rankings[0].metric.axis, col=1)
     figure.update_annotations(font_size=12)
     return finish(
