@@ -7,11 +7,12 @@ it will write to rest on :func:`unwritable`.
 from __future__ import annotations
 
 import os
-import threading
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+_NAME = 50  # characters of a name that a temporary one repeats: names end at 255 bytes
 PACKAGE = Path(__file__).resolve().parent
 
 
@@ -27,17 +28,27 @@ def writing(path: Path, *, durable: bool = True) -> Iterator[Path]:
         durable: whether its content is on the disk before it takes the name; a cache, which is checked when
             it is read, can do without.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # Ends unlike any file that a folder is searched for; two threads or processes may write the same one.
-    fresh = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_native_id()}.part")
-    try:
-        fresh.touch()
+    with fresh_beside(path) as fresh:
         mode = fresh.stat().st_mode
         yield fresh
         fresh.chmod(mode)  # safetensors writes for the owner alone
         if durable:
             _flush(fresh)
         fresh.replace(path)
+
+
+@contextmanager
+def fresh_beside(path: Path) -> Iterator[Path]:
+    """A new, empty file in the folder of ``path``, which is made; it is gone when the block ends.
+
+    Its name cannot be foreseen, so that nobody else can have put a link there, and ends unlike that of any
+    file that a folder is searched for.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.name[:_NAME]}.{secrets.token_hex(8)}.part")
+    fresh.touch(exist_ok=False)
+    try:
+        yield fresh
     finally:
         fresh.unlink(missing_ok=True)
 

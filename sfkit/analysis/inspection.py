@@ -139,7 +139,7 @@ def _recipe(path: Path) -> Description:
 def _store(path: Path) -> Description:
     if path.stat().st_size == 0:  # opening it would turn it into a store
         raise InputError(f"{path}: is empty, expected an evaluation store")
-    with EvaluationStore(path) as store:
+    with EvaluationStore(path, read_only=True) as store:
         evaluations = list(store)
     failed = sum(evaluation.failure is not None for evaluation in evaluations)
     benchmarks = sorted({str(e.description.get("benchmark", ""))[:12] for e in evaluations})

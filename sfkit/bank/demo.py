@@ -28,6 +28,7 @@ from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.pipeline import Plan, search_pool
 from sfkit.search.records import Generation, SubsetCandidate
+from sfkit.search.run_folder import identity_of, run_folder
 
 NOTEBOOK = "01_quickstart"
 
@@ -87,21 +88,31 @@ def demo(
     compute: Compute = HERE,
     with_report: bool = True,
     progress: StepCallback = lambda *_: None,
+    force: bool = False,
 ) -> Demo:
     """Search the bank's 11 sources on the quick validation pairs, then test on the unseen benchmarks.
 
     Writes what :func:`~sfkit.search.pipeline.search_pool` does, ``evaluations.sqlite``, ``scores.csv`` and
     ``report.html`` (the quickstart notebook run on the bank with the same seed and budget) into ``out``. What
-    the store holds already is not computed again. ``compute`` says where and how networks run.
+    the store holds already is not computed again. ``compute`` says where and how networks run, ``force``
+    whether a demo of another seed or budget in ``out`` may be replaced.
+
+    Raises:
+        InputError: ``out`` holds another search, or one that runs.
     """
     started = time.perf_counter()
     pool = open_pool(bank.pool_path())
     validation = bank.benchmark(bank.VALIDATION, quick=True)
-    path = out / "evaluations.sqlite"
-    with EvaluationStore(path) as store, _scored_meanwhile(path, compute) as known:
+    path, plan = out / "evaluations.sqlite", budget.plan(seed)
+    prepared = Evaluator(pool, validation, compute=compute)
+    with (
+        run_folder(out, identity_of(pool, prepared, plan), force=force) as folder,
+        EvaluationStore(path) as store,
+        _scored_meanwhile(path, compute) as known,
+    ):
         held = {evaluation.key for evaluation in store}
-        scorer = Evaluator(pool, validation, store=store, compute=compute)
-        found = search_pool(pool, scorer, budget.plan(seed), out, progress=_Steps(budget, progress))
+        scorer = prepared.with_store(store)
+        found = search_pool(pool, scorer, plan, folder, progress=_Steps(budget, progress))
         stage1 = cast(SubsetCandidate, found.stage1)  # the plan has both stages
         for number, (name, scored) in enumerate(reversed(known.items())):
             progress("Members", number, len(known), name)

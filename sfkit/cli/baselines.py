@@ -20,9 +20,9 @@ from sfkit.cli.options import (
     pool_of,
     say,
 )
-from sfkit.cli.outputs import check_file, check_store
+from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
-from sfkit.cli.validation import described, guides_of, scoring, trust_entry, trust_lines
+from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator
 from sfkit.evaluation.changes import LABEL
@@ -61,12 +61,12 @@ def baselines(
     named = None if methods is None else _methods(methods)
     chosen, combine = data.open(), guidance.combine
     guides = guides_of(chosen, guidance)
-    if out is not None:
-        check_file("--out", out, ".csv", force=force)
-    if store is not None:
-        check_store(store)
+    places = Places(csv=data.csv)
+    places.file("--out", out, ".csv", force=force)
+    places.store(store)
     opened = pool_of(pool)
-    with scoring(opened, guides, combine, store, compute) as (evaluators, scorer):
+    guide = guide_of(opened, guides, combine, compute)
+    with scoring(opened, guide, store) as (evaluators, scorer):
         run = run_baselines(
             opened,
             scorer,

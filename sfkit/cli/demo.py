@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from tqdm import tqdm
 
-from sfkit.cli.options import JsonOption, emit
+from sfkit.cli.options import ForceOption, JsonOption, emit
 from sfkit.cli.panels import NotebookComputeOptions
 from sfkit.errors import InputError
 
@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 def demo(
     compute: NotebookComputeOptions,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("runs/demo"),
-    seed: Annotated[int, typer.Option(help="Governs every draw.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Governs every draw.")] = 0,
     report: Annotated[bool, typer.Option("--report/--no-report", help="Also write report.html.")] = True,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Search the embedded bank of 12 small trained networks, and test what was found.
@@ -36,7 +37,7 @@ def demo(
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder for the results")
     with Bars() as bars:
-        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=bars)
+        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=bars, force=force)
     document = {
         "table": found.table.to_dict(orient="index"),
         "subset": found.subset,

@@ -25,7 +25,7 @@ from sfkit.cli.options import (
     say,
     store_of,
 )
-from sfkit.cli.outputs import check_file, check_store
+from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator
@@ -62,10 +62,9 @@ def evaluate(
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
     chosen = data.open()
-    if out is not None:
-        check_file("--out", out, ".csv", force=force)
-    if store is not None:
-        check_store(store)
+    places = Places(recipe=recipe, subset_from=subset_from, csv=data.csv)
+    places.file("--out", out, ".csv", force=force)
+    places.store(store)
     asked = choosers(subset=subset, subset_from=subset_from, recipe=recipe, uniform=uniform)
     if not (asked or members or all_subsets):
         raise InputError(

@@ -20,6 +20,7 @@ from sfkit.cli.options import (
     pool_of,
     prepared,
 )
+from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 from sfkit.merging.saving import read_origin, save_merged
 
@@ -46,6 +47,7 @@ def merge(
       sfkit merge pool.toml --recipe runs/garage/recipe.json -o merged.pth --form original
     """
     check_target(out, form, overwrite=force)
+    Places(recipe=recipe, subset_from=subset_from).claim("--out", out)
     asked = choosers(subset=subset, subset_from=subset_from, recipe=recipe, weights=weights, uniform=uniform)
     if len(asked) != 1:
         raise InputError(

@@ -1,54 +1,106 @@
-"""Places that will be written to, checked before anything is opened or computed for them."""
+"""All files of one command: what it reads and what it will write, checked before any work.
+
+A command makes one :class:`Places` and tells it of every path it was given, and so learns in time of a place
+that cannot be written to, and of two names that are one file.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from sfkit.errors import InputError
 from sfkit.evaluation.store import EvaluationStore
+from sfkit.evaluation.store_file import companions
 from sfkit.files import unwritable
 
 
-def check_file(argument: str, path: Path, ending: str, *, force: bool) -> None:
-    """Refuse a file that cannot or should not be written.
+class Places:
+    """The files of a command, each with the argument that named it.
 
     Args:
-        argument: what the user gave the path as, such as ``--out``.
-        path: the file.
-        ending: what its name must end in, with the dot.
-        force: whether a file that exists may be replaced.
-
-    Raises:
-        InputError: another ending, a folder, a file that exists, or no folder to write to.
+        reads: argument -> a file the command reads, such as ``--recipe``; None where it was not given.
     """
-    if path.suffix != ending:
-        raise InputError(f"{argument}: found {path}, expected a name that ends in {ending}")
-    if path.is_dir():
-        raise InputError(f"{argument}: {path} is a folder, expected the name of a file")
-    if path.exists() and not force:
-        raise InputError(f"{argument}: {path} exists, give another name or --force")
-    _check_place(argument, path.absolute().parent)
+
+    def __init__(self, **reads: Path | None) -> None:
+        self._reads = {
+            f"--{name.replace('_', '-')}": path for name, path in reads.items() if path is not None
+        }
+        self._writes: dict[Path, str] = {}
+
+    def file(self, argument: str, path: Path | None, *endings: str, force: bool) -> None:
+        """A file that will be written; nothing is checked of None.
+
+        Args:
+            argument: what the user gave the path as, such as ``--out``.
+            path: the file.
+            endings: what its name may end in, with the dot.
+            force: whether a file that exists may be replaced.
+
+        Raises:
+            InputError: another ending, a folder, a file that exists or is another of the command's, or no
+                folder to write to.
+        """
+        if path is None:
+            return
+        if path.suffix not in endings:
+            raise InputError(f"{argument}: found {path}, expected a name that ends in {' or '.join(endings)}")
+        if path.is_dir():
+            raise InputError(f"{argument}: {path} is a folder, expected the name of a file")
+        self.claim(argument, path)
+        if path.exists() and not force:
+            raise InputError(f"{argument}: {path} exists, give another name or --force")
+        _check_place(argument, path.absolute().parent)
+
+    def folder(self, argument: str, path: Path, names: Iterable[str]) -> None:
+        """A folder that files of these names will be written to.
+
+        Raises:
+            InputError: it is a file, lies in one, or cannot be written to; or a folder or another of the
+                command's files has one of the names.
+        """
+        _check_place(argument, path.absolute())
+        for name in names:
+            if (path / name).is_dir():
+                raise InputError(f"{argument}: {path / name} is a folder, and a file of that name is written")
+            self.claim(argument, path / name)
+
+    def store(self, path: Path | None) -> None:
+        """An evaluation store that will be extended; one that does not exist is not made.
+
+        Raises:
+            InputError: there is no folder to make it in, or it is another of the command's files.
+            StoreError: what is there is no evaluation store, or damaged.
+        """
+        if path is None:
+            return
+        for file in (path, *companions(path)):
+            self.claim("--store", file)
+        _check_place("--store", path.absolute().parent)
+        if path.exists():
+            EvaluationStore(path).close()
+
+    def claim(self, argument: str, path: Path) -> None:
+        """A file that will be written, whatever it is called.
+
+        Raises:
+            InputError: the command reads it, or writes it as something else, under whatever name.
+        """
+        for other, read in self._reads.items():
+            if _same(path, read):
+                raise InputError(f"{argument}: {path} is the file that {other} names, expected another one")
+        for written, other in self._writes.items():
+            if _same(path, written):
+                raise InputError(
+                    f"{argument}: {path} is a file that {other} writes to already, expected another name"
+                )
+        self._writes[path] = argument
 
 
-def check_folder(argument: str, path: Path) -> None:
-    """Refuse a folder that cannot be made or written to.
-
-    Raises:
-        InputError: it is a file, lies in one, or cannot be written to.
-    """
-    _check_place(argument, path.absolute())
-
-
-def check_store(path: Path) -> None:
-    """Refuse an evaluation store that cannot be used; one that does not exist is not made.
-
-    Raises:
-        InputError: there is no folder to make it in.
-        StoreError: what is there is no evaluation store, or damaged.
-    """
-    _check_place("--store", path.absolute().parent)
-    if path.exists():
-        EvaluationStore(path).close()
+def _same(path: Path, other: Path) -> bool:
+    if path.exists() and other.exists():
+        return path.samefile(other)
+    return path.resolve() == other.resolve()
 
 
 def _check_place(argument: str, folder: Path) -> None:

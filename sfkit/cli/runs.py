@@ -112,4 +112,4 @@ def import_(
 def _existing(path: Path) -> EvaluationStore:
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected an evaluation store")
-    return EvaluationStore(path)
+    return EvaluationStore(path, read_only=True)

@@ -14,6 +14,7 @@ from sfkit.analysis.inspection import recipe_lines
 from sfkit.analysis.overfit import holdout_check
 from sfkit.analysis.trust import trust_of
 from sfkit.cli.options import (
+    ForceOption,
     JsonOption,
     PoolArgument,
     StoreOption,
@@ -24,7 +25,7 @@ from sfkit.cli.options import (
     say,
     source_names,
 )
-from sfkit.cli.outputs import check_folder, check_store
+from sfkit.cli.outputs import Places
 from sfkit.cli.panels import (
     BenchmarkOptions,
     ComputeOptions,
@@ -33,7 +34,7 @@ from sfkit.cli.panels import (
     Stage1Options,
     Stage2Options,
 )
-from sfkit.cli.validation import described, guides_of, scoring, trust_entry, trust_lines
+from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.changes import LABEL
@@ -45,6 +46,7 @@ from sfkit.merging.saving import read_recipe
 from sfkit.search import RoutingSettings, SubsetSettings, subset_of
 from sfkit.search.pipeline import METHODS, Found, Plan, cost, search_pool, summary
 from sfkit.search.records import Generation
+from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, identity_of, refuse_unclaimed, run_folder
 
 
 def search(
@@ -72,6 +74,7 @@ def search(
     ] = None,
     store: StoreOption = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
+    force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
     """Search Stage 1 (which sources) and Stage 2 (how), and write the merged network.
@@ -97,11 +100,19 @@ def search(
     )
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     guides, combine = guides_of(data.open(), guidance), guidance.combine
-    kept_in = store or out / "evaluations.sqlite"
-    _check_outputs(out, kept_in)
+    kept_in = store or out / STORE
+    places = Places(start=start, subset_from=subset_from, csv=data.csv)
+    places.folder("--out", out, (*OUTPUTS, SEARCH, LOCK))
+    places.store(kept_in)
+    if not force:
+        refuse_unclaimed(out)
     opened = pool_of(pool, blocks)
     plan.check(opened)
-    with scoring(opened, guides, combine, kept_in, compute) as (evaluators, scorer):
+    guide = guide_of(opened, guides, combine, compute)
+    with (
+        run_folder(out, identity_of(opened, guide, plan), force=force) as folder,
+        scoring(opened, guide, kept_in) as (evaluators, scorer),
+    ):
         if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
             say(doubt)
         price = cost(opened, evaluators, plan)
@@ -110,7 +121,7 @@ def search(
             say(other)
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
-        found = search_pool(opened, scorer, plan, out, progress=_progress)
+        found = search_pool(opened, scorer, plan, folder, progress=_progress)
         trusted = trust_of(opened, evaluators)
     counts = {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
     changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
@@ -152,14 +163,6 @@ def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
         f"few pairs: what Stage 2 gains on {pairs} need not show elsewhere (docs/validation.md); "
         "--shrinkage 0.05 or more benchmarks (--also) help"
     )
-
-
-def _check_outputs(out: Path, store: Path) -> None:
-    check_folder("--out", out)
-    check_store(store)
-    merged = out / "merged.safetensors"
-    if merged.exists() and not (out / "journal.jsonl").exists():
-        raise InputError(f"--out: {merged} exists and no search wrote it, choose another folder")
 
 
 def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:

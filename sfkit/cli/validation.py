@@ -32,33 +32,53 @@ def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
     return (first, *(_also(text, first.metric) for text in guidance.also or ()))
 
 
-@contextmanager
-def scoring(
-    pool: Pool, guides: Sequence[Benchmark], combine: str, store: Path | None, compute: Compute
-) -> Iterator[tuple[list[Evaluator], Evaluator | CombinedScorer]]:
-    """An evaluator for each validation benchmark, and what they say together.
+def guide_of(
+    pool: Pool, guides: Sequence[Benchmark], combine: str, compute: Compute
+) -> Evaluator | CombinedScorer:
+    """What the validation benchmarks say together, before any store is opened.
 
     Args:
         pool: whose networks are merged.
         guides: from :func:`guides_of`.
         combine: how several are combined.
-        store: the evaluation store's file, opened once all else is in order; None keeps nothing.
         compute: where and how networks run.
+
+    Raises:
+        InputError: a benchmark cannot be evaluated as it is, or their metrics cannot be combined.
     """
-    prepared = [Evaluator(pool, guide, compute=compute) for guide in guides]
+    evaluators = [Evaluator(pool, guide, compute=compute) for guide in guides]
+    return evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, combine)
+
+
+@contextmanager
+def scoring(
+    pool: Pool, guide: Evaluator | CombinedScorer, store: Path | None
+) -> Iterator[tuple[list[Evaluator], Evaluator | CombinedScorer]]:
+    """An evaluator for each validation benchmark, and what they say together.
+
+    Args:
+        pool: whose networks are merged.
+        guide: from :func:`guide_of`.
+        store: the evaluation store's file, opened once all else is in order; None keeps nothing.
+    """
+    parts = guide.evaluators if isinstance(guide, CombinedScorer) else (guide,)
+    prepared = [part for part in parts if isinstance(part, Evaluator)]
     with store_of(store) as kept, ExitStack() as stack:
         evaluators = [stack.enter_context(one.with_store(kept)) for one in prepared]
         say(f"{pool!r}")
         for one in evaluators:
-            guide = one.benchmark
-            say(f"validation: {guide.name} ({guide.coverage}), {one.metric}, protocol {guide.protocol}")
+            benchmark = one.benchmark
+            say(
+                f"validation: {benchmark.name} ({benchmark.coverage}), {one.metric}, "
+                f"protocol {benchmark.protocol}"
+            )
         say(f"engine: {evaluators[0].engine.describe()}")
-        if len(evaluators) == 1:
+        if not isinstance(guide, CombinedScorer):
             yield evaluators, evaluators[0]
             return
-        combined = CombinedScorer(evaluators, combine)
+        combined = CombinedScorer(evaluators, guide.how)
         if combined.changes is not None:
-            say(f"guided by: {combine} {LABEL} (metrics with and without ground truth)")
+            say(f"guided by: {combined.how} {LABEL} (metrics with and without ground truth)")
         yield evaluators, combined
 
 
@@ -84,6 +104,8 @@ def _also(text: str, metric: str) -> Benchmark:
     """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``,
     or by its own where only one of the two needs ground truth.
     """
+    if not names(text):
+        raise InputError("--also is empty, expected a benchmark such as kitti2012,root=~/KITTI")
     name, *entries = names(text)
     own = name == UNLABELLED or not Metric.parse(metric).needs_truth
     values: dict[str, Any] = {"name": name} if own else {"name": name, "metric": metric}

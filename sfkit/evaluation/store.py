@@ -11,6 +11,7 @@ import json
 import sqlite3
 import threading
 import time
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
@@ -18,38 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import text_digest
-from sfkit.errors import StoreError
-from sfkit.evaluation.file_systems import NETWORK_FILE_SYSTEMS, file_system
+from sfkit.errors import SfkitWarning, StoreError
 from sfkit.evaluation.metrics import ImageErrors
+from sfkit.evaluation.store_file import DAMAGE, MEMORY, open_store, remedy, restore
 
-APPLICATION_ID = 0x73666B74  # "sfkt", in the file's header: tells a store from any other SQLite file
 HAND_EDIT = "hand edit"  # the mark of an evaluation that a person asked for
-SCHEMA_VERSION = 1
-OPEN_SECONDS = 60.0  # how long a process waits for another that holds the file
-_DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter where garbage stands in SQLite's message
-_BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
-_SCHEMA = """
-CREATE TABLE IF NOT EXISTS evaluations (
-    number INTEGER PRIMARY KEY AUTOINCREMENT,
-    key TEXT NOT NULL UNIQUE,
-    description TEXT NOT NULL,
-    errors TEXT,
-    failure TEXT,
-    seconds REAL NOT NULL,
-    written REAL NOT NULL,
-    attempts INTEGER NOT NULL DEFAULT 1,
-    checksum TEXT
-)
-"""
 _COLUMNS = "key, description, errors, failure, seconds, checksum"
-_MARKS_SCHEMA = """
-CREATE TABLE IF NOT EXISTS marks (
-    key TEXT NOT NULL,
-    mark TEXT NOT NULL,
-    detail TEXT NOT NULL,
-    UNIQUE (key, mark)
-)
-"""
 
 
 @dataclass(frozen=True)
@@ -79,26 +54,25 @@ def evaluation_key(description: Mapping[str, Any]) -> str:
 
 
 class EvaluationStore:
-    """Evaluations by key in one SQLite file (WAL), shared safely by threads and processes.
+    """Evaluations by key in one SQLite file, shared safely by threads and processes.
+
+    A file that is deleted while it is open is written again with the next evaluation.
 
     Args:
         path: the file; made if it does not exist (with its folder). ``:memory:`` keeps nothing.
+        read_only: whether one that may not be written to is opened for reading.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where the file lies on a network file system.
 
     Raises:
-        StoreError: the file is damaged, no store, written by a newer sfkit, or on a network file system.
+        StoreError: the file is damaged, no store, empty, or written by a newer sfkit.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, *, read_only: bool = False) -> None:
         self.path = Path(path)
         self._lock = threading.RLock()
-        if str(path) != ":memory:":
-            _refuse_network(self.path)
-            if self.path.is_dir():
-                raise StoreError(
-                    f"{self.path}: is a folder, expected an evaluation store or a new file's name"
-                )
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._db = _open(self.path)
+        self._db = open_store(self.path, read_only=read_only)
+        self._opened = self._identity()
 
     def __enter__(self) -> EvaluationStore:
         return self
@@ -193,8 +167,44 @@ class EvaluationStore:
     @contextmanager
     def _writing(self) -> Iterator[None]:
         """One transaction: all of it is on disk afterwards, or nothing where it raises."""
-        with self._lock, self._as_store_errors(), self._db:
-            yield
+        with self._lock:
+            self._ensure_there()
+            with self._as_store_errors(), self._db:
+                yield
+            self._ensure_there()
+
+    def _ensure_there(self) -> None:
+        """Write the store again where its file was deleted: it is open here still, with all that it held.
+
+        Raises:
+            StoreError: another file took its place.
+        """
+        found = self._identity()
+        if found == self._opened:
+            return
+        if found is not None:
+            raise StoreError(
+                f"{self.path}: another file took this store's place while it was in use: what was evaluated "
+                "since is not in it; start again"
+            )
+        restore(self._db, self.path)
+        self._db = open_store(self.path)
+        self._opened = self._identity()
+        warnings.warn(
+            f"{self.path}: was deleted while in use, and is written again with all it held",
+            SfkitWarning,
+            stacklevel=2,
+        )
+
+    def _identity(self) -> tuple[int, int] | None:
+        """Which file lies at the path; None where there is none."""
+        if str(self.path) == MEMORY:
+            return (0, 0)
+        try:
+            found = self.path.stat()
+        except OSError:
+            return None
+        return found.st_dev, found.st_ino
 
     @contextmanager
     def _as_store_errors(self) -> Iterator[None]:
@@ -203,111 +213,10 @@ class EvaluationStore:
             yield
         except sqlite3.ProgrammingError:
             raise
-        except _DAMAGE as error:
-            raise StoreError(f"{self.path}: {_remedy(error)}") from error
+        except DAMAGE as error:
+            raise StoreError(f"{self.path}: {remedy(error)}") from error
 
 
 def _checksum(*row: str | float | None) -> str:
     """Tells garbage from what was written: SQLite checks how its pages hang together, not what they say."""
     return text_digest(json.dumps(row))
-
-
-def _open(path: Path) -> sqlite3.Connection:
-    """Open a store, or make it; the file of one that is there is not touched."""
-    new = not path.exists() or path.stat().st_size == 0
-    db = None
-    try:
-        db = sqlite3.connect(path, timeout=OPEN_SECONDS, check_same_thread=False)
-        if not new and str(path) != ":memory:":
-            _check_identity(db, path)
-        if not _complete(db):
-            _make(db)
-        db.execute("PRAGMA synchronous = FULL")
-    except _DAMAGE as error:
-        if db is not None:
-            db.close()
-        raise StoreError(f"{path}: {_remedy(error)}") from error
-    except StoreError:
-        if db is not None:
-            db.close()
-        raise
-    return db
-
-
-def _complete(db: sqlite3.Connection) -> bool:
-    """True where everything :func:`_make` makes is there."""
-    (mode,) = db.execute("PRAGMA journal_mode").fetchone()
-    (marks,) = db.execute("SELECT COUNT(*) FROM sqlite_master WHERE name = 'marks'").fetchone()
-    return mode == "wal" and bool(marks) and "checksum" in _columns(db)
-
-
-def _columns(db: sqlite3.Connection) -> list[str]:
-    return [row[1] for row in db.execute("PRAGMA table_info(evaluations)")]
-
-
-def _make(db: sqlite3.Connection) -> None:
-    """Make the tables; two processes may do so at once, and one that is killed leaves all or nothing."""
-    _use_wal(db)
-    db.execute("BEGIN IMMEDIATE")
-    with db:
-        db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
-        db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-        db.execute(_SCHEMA)
-        db.execute(_MARKS_SCHEMA)
-        if "checksum" not in _columns(db):  # stores from before there were any go on without
-            db.execute("ALTER TABLE evaluations ADD COLUMN checksum TEXT")
-
-
-def _use_wal(db: sqlite3.Connection) -> None:
-    """Turn the journal mode; SQLite does not wait for another process that is just doing the same."""
-    deadline = time.monotonic() + OPEN_SECONDS
-    while True:
-        try:
-            db.execute("PRAGMA journal_mode = WAL")
-        except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode not in _BUSY or time.monotonic() > deadline:
-                raise
-            time.sleep(0.01)
-        else:
-            return
-
-
-def _remedy(error: Exception) -> str:
-    """What went wrong and what to do, the end of a sentence that begins with the file."""
-    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
-    if code == sqlite3.SQLITE_FULL or code & 0xFF == sqlite3.SQLITE_IOERR:
-        return (
-            f"cannot be read or written ({error}): what was stored before is kept; look whether the disk is "
-            "full or failing, make room and start again"
-        )
-    if code & 0xFF in _BUSY:
-        return f"another process has held it for a minute ({error}): end that one, then start again"
-    return (
-        f"cannot be used as an evaluation store ({error}): it is left as it is; restore it from a copy or "
-        "name another file"
-    )
-
-
-def _check_identity(db: sqlite3.Connection, path: Path) -> None:
-    identity = db.execute("PRAGMA application_id").fetchone()[0]
-    version = db.execute("PRAGMA user_version").fetchone()[0]
-    tables = db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
-    if identity != APPLICATION_ID and tables:
-        raise StoreError(f"{path}: is an SQLite file but no evaluation store, name another file")
-    if version > SCHEMA_VERSION:
-        raise StoreError(
-            f"{path}: was written by a newer sfkit (store version {version}), update sfkit to read it"
-        )
-    problem = db.execute("PRAGMA quick_check(1)").fetchone()[0]
-    if problem != "ok":
-        raise StoreError(f"{path}: is damaged ({problem}): it is left as it is; restore it from a copy")
-
-
-def _refuse_network(path: Path) -> None:
-    """WAL needs shared memory, which network file systems do not give: two machines would corrupt it."""
-    kind = file_system(path)
-    if kind in NETWORK_FILE_SYSTEMS:
-        raise StoreError(
-            f"{path}: lies on a network file system ({kind}), where SQLite can lose data: put the store on a "
-            "local disk and copy the file when the search is done"
-        )

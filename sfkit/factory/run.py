@@ -59,9 +59,9 @@ def run(factory: Factory, *, device: str = "cpu", say: Say = lambda _: None) -> 
     pool = open_pool(pool_file)
     store = EvaluationStore(factory.out / "evaluations.sqlite")
     before = len(store)
-    found = search_pool(
-        pool, Evaluator(pool, factory.validation, store=store), factory.plan, factory.out / "search"
-    )
+    scorer = Evaluator(pool, factory.validation, store=store)
+    # A source that was added makes another search, whose result is to take the former one's place.
+    found = search_pool(pool, scorer, factory.plan, factory.out / "search", force=True)
     scores = _scores(factory, pool, found, store, device)
     write_text(factory.out / "scores.json", json.dumps(scores, indent=2) + "\n")
     return Made(status(factory), pool_file, found, scores, trained, len(store) - before)

@@ -25,6 +25,7 @@ from sfkit.search.journal import Journal
 from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingSettings
+from sfkit.search.run_folder import RunFolder, identity_of, run_folder
 from sfkit.search.subset import SubsetSearch
 
 METHODS = ("paper", "bayesian")
@@ -207,9 +208,10 @@ def search_pool(
     pool: Pool,
     scorer: Scorer,
     plan: Plan,
-    folder: Path,
+    folder: Path | RunFolder,
     *,
     progress: StageCallback | None = None,
+    force: bool = False,
 ) -> Found:
     """Run the plan and write what it finds.
 
@@ -218,12 +220,27 @@ def search_pool(
     store, a finished search is read back and an interrupted one goes on where it was; ``result.json`` names
     no place and no time, so that it is the same to the last byte.
 
+    Args:
+        pool: whose sources are chosen and mixed.
+        scorer: what guides.
+        plan: what to search.
+        folder: where to write, or a folder that the caller holds already.
+        progress: hears of every generation.
+        force: whether what another search left in the folder may be replaced.
+
     Raises:
-        InputError: constraints or settings do not suit the pool.
+        InputError: constraints or settings do not suit the pool, or the folder is another search's
+            (:func:`~sfkit.search.run_folder.run_folder`).
         SfkitError: no candidate could be scored.
     """
     plan.check(pool)
-    folder.mkdir(parents=True, exist_ok=True)
+    if isinstance(folder, RunFolder):
+        return _search(pool, scorer, plan, folder.path, progress)
+    with run_folder(folder, identity_of(pool, scorer, plan), force=force) as run:
+        return _search(pool, scorer, plan, run.path, progress)
+
+
+def _search(pool: Pool, scorer: Scorer, plan: Plan, folder: Path, progress: StageCallback | None) -> Found:
     journal = Journal(folder / "journal.jsonl")
     subset, first, second, known = plan.subset, None, None, plan.known(pool, scorer)
     stage2: RoutingSearch | None = None

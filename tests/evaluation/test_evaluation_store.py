@@ -9,6 +9,7 @@ import resource
 import sqlite3
 import subprocess
 import sys
+import tempfile
 import threading
 from contextlib import closing
 from pathlib import Path
@@ -16,9 +17,10 @@ from pathlib import Path
 import pytest
 
 from sfkit.cli import main
-from sfkit.errors import StoreError
+from sfkit.errors import SfkitWarning, StoreError
+from sfkit.evaluation.file_systems import file_system, is_shared, printed_mounts
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
-from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key, file_system
+from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 
 IMAGE = ImageErrors("one", (1.0, 2.0), 0, {"all": RegionErrors(10, 1.1 / 3, (3, 1), 0)})
 
@@ -227,11 +229,123 @@ def test_network_file_systems_are_recognised(tmp_path: Path) -> None:
     assert file_system(Path("/other/s.sqlite"), mounts) == "ext4"
 
 
-def test_a_store_on_a_network_file_system_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sfkit.evaluation.store.file_system", lambda _path: "nfs4")
-    with pytest.raises(StoreError, match=r"network file system \(nfs4\).*put the store on a local disk"):
+def test_links_to_a_network_file_system_are_followed(tmp_path: Path) -> None:
+    mounts = tmp_path / "mounts"
+    mounts.write_text(f"/dev/x / ext4 rw 0 0\nserver:/e {tmp_path}/share nfs rw 0 0\n")
+    (tmp_path / "share").mkdir()
+    (tmp_path / "runs").symlink_to("share")
+    assert file_system(tmp_path / "runs" / "new" / "s.sqlite", mounts) == "nfs"
+
+
+def test_file_systems_that_other_machines_write_to(tmp_path: Path) -> None:
+    shared = (
+        "virtiofs",
+        "vboxsf",
+        "vmhgfs",
+        "wekafs",
+        "panfs",
+        "fuse.juicefs",
+        "fuse.sshfs",
+        "fuse.new",
+        "nfs",
+    )
+    assert [kind for kind in shared if not is_shared(kind)] == []
+    assert not any(map(is_shared, ("ext4", "overlay", "apfs", "fuse.fuse-overlayfs", "fuseblk", "")))
+    printed = (
+        "/dev/disk3s1 on / (apfs, sealed, local)\n//me@nas/lab on /Volumes/my (lab) (smbfs, nodev, nosuid)\n"
+    )
+    assert list(printed_mounts(printed)) == [(Path("/"), "apfs"), (Path("/Volumes/my (lab)"), "smbfs")]
+
+
+def test_a_store_on_a_network_file_system_needs_no_shared_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:  # as a store that was copied there is
+        store.put(evaluation("a"))
+    monkeypatch.setattr("sfkit.evaluation.store_file.file_system", lambda _path: "nfs4")
+    for name in ("s.sqlite", "new.sqlite"):
+        with pytest.warns(SfkitWarning, match=r"other machines share \(nfs4\)"):
+            store = EvaluationStore(tmp_path / name)
+        with pytest.warns(SfkitWarning, match="nfs4"):
+            beside = EvaluationStore(tmp_path / name)
+        with store, beside:
+            store.put(evaluation("b"))
+            assert beside.put(evaluation("c")).key in {e.key for e in store}
+            assert sorted(entry.name for entry in tmp_path.iterdir()) == sorted({"s.sqlite", name})
+    monkeypatch.undo()
+    with EvaluationStore(path) as store:
+        assert len(store) == 3
+        assert (tmp_path / "s.sqlite-shm").exists(), "on a local disk again"
+
+
+def test_a_store_that_is_deleted_while_open_is_written_again(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+        path.unlink()  # and not what SQLite keeps beside it
+        with pytest.warns(SfkitWarning, match="was deleted while in use, and is written again"):
+            store.put(evaluation("b"))
+        store.put(evaluation("c"))
+    with EvaluationStore(path) as store:
+        assert [e.key for e in store] == [evaluation(name).key for name in "abc"]
+    assert [entry.name for entry in tmp_path.iterdir()] == ["s.sqlite"]
+
+
+def test_a_store_whose_place_another_took_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        path.rename(tmp_path / "moved.sqlite")
+        with EvaluationStore(path) as other:
+            other.put(evaluation("z"))
+        with pytest.raises(StoreError, match="another file took this store's place"):
+            store.put(evaluation("a"))
+    with EvaluationStore(path) as other:
+        assert len(other) == 1
+
+
+def test_an_empty_file_is_no_store(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").touch()
+    with pytest.raises(StoreError, match="is empty, expected an evaluation store or a new file's name"):
+        EvaluationStore(tmp_path / "notes.txt")
+    assert (tmp_path / "notes.txt").read_bytes() == b""
+
+
+def test_a_store_that_is_cut_off_while_it_is_made_leaves_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sfkit.evaluation.store_file._turn_journal", interrupted)
+    with pytest.raises(KeyboardInterrupt):
         EvaluationStore(tmp_path / "s.sqlite")
-    assert not (tmp_path / "s.sqlite").exists()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_store_that_may_not_be_written_to_can_be_read() -> None:
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own cannot be entered by other users
+        path = Path(folder) / "it's here?" / "s.sqlite"
+        with EvaluationStore(path) as store:
+            store.put(evaluation("a"))
+        path.chmod(0o444)
+        for place in (path.parent, path.parent.parent):
+            place.chmod(0o555)
+        user = os.geteuid()
+        try:
+            if user == 0:  # root may write anywhere
+                os.seteuid(65534)
+            with pytest.raises(StoreError, match=r"may not be written to .* make file and folder writable"):
+                EvaluationStore(path)
+            with EvaluationStore(path, read_only=True) as store:
+                assert [e.key for e in store] == [evaluation("a").key]
+                with pytest.raises(StoreError, match="may not be written to"):
+                    store.put(evaluation("b"))
+        finally:
+            os.seteuid(user)
+            for place in (path.parent.parent, path.parent):
+                place.chmod(0o755)
+        assert [entry.name for entry in path.parent.iterdir()] == ["s.sqlite"]
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:

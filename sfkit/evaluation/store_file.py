@@ -1,0 +1,238 @@
+"""The file of an evaluation store: made whole or not at all, opened as its place allows, rescued if lost."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sqlite3
+import time
+import warnings
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import quote
+
+from sfkit.errors import SfkitWarning, StoreError
+from sfkit.evaluation.file_systems import file_system, is_shared
+from sfkit.files import fresh_beside, writing
+
+APPLICATION_ID = 0x73666B74  # "sfkt", in the file's header: tells a store from any other SQLite file
+SCHEMA_VERSION = 1
+OPEN_SECONDS = 60.0  # how long a process waits for another that holds the file
+DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter where garbage stands in SQLite's message
+MEMORY = ":memory:"
+_BUSY = (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+_NO_ACCESS = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_PERM)
+_NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EMLINK)
+_SCHEMA = """
+CREATE TABLE IF NOT EXISTS evaluations (
+    number INTEGER PRIMARY KEY AUTOINCREMENT,
+    key TEXT NOT NULL UNIQUE,
+    description TEXT NOT NULL,
+    errors TEXT,
+    failure TEXT,
+    seconds REAL NOT NULL,
+    written REAL NOT NULL,
+    attempts INTEGER NOT NULL DEFAULT 1,
+    checksum TEXT
+)
+"""
+_MARKS_SCHEMA = """
+CREATE TABLE IF NOT EXISTS marks (
+    key TEXT NOT NULL,
+    mark TEXT NOT NULL,
+    detail TEXT NOT NULL,
+    UNIQUE (key, mark)
+)
+"""
+
+
+def companions(path: Path) -> tuple[Path, ...]:
+    """The files that SQLite keeps beside a store while it is open."""
+    return tuple(path.with_name(path.name + ending) for ending in ("-wal", "-shm", "-journal"))
+
+
+def open_store(path: Path, *, read_only: bool = False) -> sqlite3.Connection:
+    """Open a store, or make it; the file of one that is there is not touched.
+
+    A store on a file system that other machines may write to keeps a rollback journal: SQLite's write-ahead
+    log needs memory that all its users share, which they have not.
+
+    Args:
+        path: the file, or ``:memory:``.
+        read_only: whether one that cannot be written to is opened for reading.
+
+    Raises:
+        StoreError: the file is damaged, no store, empty, or written by a newer sfkit; or it cannot be made.
+    """
+    if str(path) == MEMORY:
+        return _opened(path, "memory")
+    if path.is_dir():
+        raise StoreError(f"{path}: is a folder, expected an evaluation store or a new file's name")
+    kind = file_system(path)
+    mode = "delete" if is_shared(kind) else "wal"
+    if mode == "delete":
+        warnings.warn(
+            f"{path}: lies on a file system that other machines share ({kind}): let one machine at a time "
+            "write to this store, or keep it on a local disk",
+            SfkitWarning,
+            stacklevel=3,
+        )
+    try:
+        if not path.exists():
+            _create(Path(os.path.realpath(path)), lambda db: _make(db, mode))
+        elif path.stat().st_size == 0:
+            raise StoreError(
+                f"{path}: is empty, expected an evaluation store or a new file's name: name another"
+            )
+        return _opened(path, mode)
+    except DAMAGE as error:
+        code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+        if read_only and code in _NO_ACCESS and os.access(path, os.R_OK):
+            return _immutable(path)
+        raise StoreError(f"{path}: {remedy(error)}") from error
+    except OSError as error:
+        raise StoreError(
+            f"{path}: cannot be opened ({error.strerror}), expected a place to write to"
+        ) from error
+
+
+def restore(db: sqlite3.Connection, path: Path) -> None:
+    """Write a store that was deleted while it was open to its place again, and close it.
+
+    Raises:
+        StoreError: that cannot be done; the connection stays open.
+    """
+    try:
+        with writing(Path(os.path.realpath(path))) as fresh:
+            with closing(sqlite3.connect(fresh)) as copy:
+                db.backup(copy)
+            db.close()
+            for left in companions(
+                path
+            ):  # of the file that was deleted: SQLite would take them for the new one's
+                left.unlink(missing_ok=True)
+    except (OSError, sqlite3.Error) as error:
+        raise StoreError(
+            f"{path}: was deleted while in use, and cannot be written again ({error})"
+        ) from error
+
+
+def remedy(error: Exception) -> str:
+    """What went wrong and what to do, the end of a sentence that begins with the file."""
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
+    if code == sqlite3.SQLITE_FULL or code & 0xFF == sqlite3.SQLITE_IOERR:
+        return (
+            f"cannot be read or written ({error}): what was stored before is kept; look whether the disk is "
+            "full or failing, make room and start again"
+        )
+    if code & 0xFF in _BUSY:
+        return f"another process has held it for a minute ({error}): end that one, then start again"
+    if code & 0xFF in _NO_ACCESS:
+        return f"may not be written to ({error}): make file and folder writable, or work on a copy elsewhere"
+    return (
+        f"cannot be used as an evaluation store ({error}): it is left as it is; restore it from a copy or "
+        "name another file"
+    )
+
+
+def _opened(path: Path, mode: str) -> sqlite3.Connection:
+    db = sqlite3.connect(path, timeout=OPEN_SECONDS, check_same_thread=False)
+    try:
+        if mode == "delete":  # held alone, a log can be turned without shared memory
+            db.execute("PRAGMA locking_mode = EXCLUSIVE")
+        if str(path) != MEMORY:
+            _check_identity(db, path)
+        if not _complete(db, mode):
+            _make(db, mode)
+        if mode == "delete":
+            db.execute("PRAGMA locking_mode = NORMAL")
+            db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()  # lets go of it
+        db.execute("PRAGMA synchronous = FULL")
+    except BaseException:
+        db.close()
+        raise
+    return db
+
+
+def _immutable(path: Path) -> sqlite3.Connection:
+    """A store that nobody here can write to, as it lies there."""
+    try:
+        db = sqlite3.connect(
+            f"file:{quote(str(path.absolute()))}?immutable=1", uri=True, check_same_thread=False
+        )
+        _check_identity(db, path)
+    except DAMAGE as error:
+        raise StoreError(f"{path}: {remedy(error)}") from error
+    return db
+
+
+def _create(path: Path, fill: Callable[[sqlite3.Connection], None]) -> None:
+    """Make a new file by filling it elsewhere; where two processes do, one of them is first."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with fresh_beside(path) as fresh:
+        with closing(sqlite3.connect(fresh)) as db:
+            fill(db)
+        try:
+            os.link(fresh, path)
+        except FileExistsError:
+            return
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            if not path.exists():
+                fresh.rename(path)
+
+
+def _complete(db: sqlite3.Connection, mode: str) -> bool:
+    """True where everything :func:`_make` makes is there."""
+    (found,) = db.execute("PRAGMA journal_mode").fetchone()
+    (marks,) = db.execute("SELECT COUNT(*) FROM sqlite_master WHERE name = 'marks'").fetchone()
+    return found == mode and bool(marks) and "checksum" in _columns(db)
+
+
+def _columns(db: sqlite3.Connection) -> list[str]:
+    return [row[1] for row in db.execute("PRAGMA table_info(evaluations)")]
+
+
+def _make(db: sqlite3.Connection, mode: str) -> None:
+    """Make the tables; two processes may do so at once, and one that is killed leaves all or nothing."""
+    if mode != "memory":
+        _turn_journal(db, mode)
+    db.execute("BEGIN IMMEDIATE")
+    with db:
+        db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+        db.execute(_SCHEMA)
+        db.execute(_MARKS_SCHEMA)
+        if "checksum" not in _columns(db):  # stores from before there were any go on without
+            db.execute("ALTER TABLE evaluations ADD COLUMN checksum TEXT")
+
+
+def _turn_journal(db: sqlite3.Connection, mode: str) -> None:
+    """Turn the journal mode; SQLite does not wait for another process that is just doing the same."""
+    deadline = time.monotonic() + OPEN_SECONDS
+    while True:
+        try:
+            db.execute(f"PRAGMA journal_mode = {mode}")
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode not in _BUSY or time.monotonic() > deadline:
+                raise
+            time.sleep(0.01)
+        else:
+            return
+
+
+def _check_identity(db: sqlite3.Connection, path: Path) -> None:
+    identity = db.execute("PRAGMA application_id").fetchone()[0]
+    version = db.execute("PRAGMA user_version").fetchone()[0]
+    tables = db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+    if identity != APPLICATION_ID and tables:
+        raise StoreError(f"{path}: is an SQLite file but no evaluation store, name another file")
+    if version > SCHEMA_VERSION:
+        raise StoreError(
+            f"{path}: was written by a newer sfkit (store version {version}), update sfkit to read it"
+        )
+    problem = db.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if problem != "ok":
+        raise StoreError(f"{path}: is damaged ({problem}): it is left as it is; restore it from a copy")

@@ -1,0 +1,90 @@
+"""One owner of a command's files: nothing a user computed is replaced by another run, nor by another file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_world import Shell, rename_sources
+from tiny import write_pairs, write_pool
+
+from sfkit.search.run_folder import run_folder
+
+PAIRS = "-b pairs -r pairs"
+SEARCH = f"search pool {PAIRS} --population 3 --generations 0 --evaluations 0 --yes"
+
+
+@pytest.fixture(autouse=True)
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    rename_sources(write_pool(tmp_path / "pool"))
+    write_pairs(tmp_path / "pairs", 2)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(capsys)
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_another_search_does_not_replace_one_unless_it_is_forced(shell: Shell, world: Path) -> None:
+    first = shell.json(f"{SEARCH} --seed 0 -o run")
+    before = files(world)
+    for other, said in (
+        ("--seed 1", "stage1.seed 0 there and 1 now"),
+        ("--metric d1", "metrics.0 epe there and d1 now"),
+        ("--exclude indoor", "constraints.exclude"),
+    ):
+        _, errors = shell(f"{SEARCH} {other} -o run", code=2)
+        assert said in errors
+        assert "--force" in errors
+        assert files(world) == before
+    assert shell.json(f"{SEARCH} --seed 0 -o run")["evaluations"]["computed"] == 0, "the same search goes on"
+    forced = shell.json(f"{SEARCH} --seed 1 -o run --force")
+    assert json.loads((world / "run" / "result.json").read_text())["recipe"] == forced["recipe"]
+    assert first["folder"] == forced["folder"]
+
+
+def test_another_pool_is_another_search(shell: Shell, world: Path) -> None:
+    shell(f"{SEARCH} -o run")
+    toml = world / "pool" / "pool.toml"
+    toml.write_text(toml.read_text().replace("[sources.driving]", "[sources.sintel]"))
+    _, errors = shell(f"{SEARCH} -o run", code=2)
+    assert "pool.sources.driving" in errors
+
+
+def test_two_searches_do_not_share_a_folder(shell: Shell, world: Path) -> None:
+    with run_folder(world / "run", {"seed": 7}):
+        _, errors = shell(f"{SEARCH} -o run --force", code=2)
+        assert "another search is writing to this folder" in errors
+        assert not (world / "run" / "evaluations.sqlite").exists()
+    shell(f"{SEARCH} -o run --force")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (f"evaluate pool {PAIRS} --uniform --store x.csv -o x.csv", "--out"),
+        (f"baselines pool {PAIRS} --names uniform --store x.csv -o ./pool/../x.csv", "--out"),
+        (f"{SEARCH} -o run --store run/merged.safetensors", "run/merged.safetensors"),
+        (f"{SEARCH} -o run --store run/journal.jsonl", "run/journal.jsonl"),
+        (f"{SEARCH} -o link --store run/stage1.csv", "run/stage1.csv"),
+        (f"evaluate pool {PAIRS} --csv table.csv --uniform -o table.csv --force", "--csv"),
+        ("merge pool --recipe mix.pth -o link/../mix.pth --form original --force", "--recipe"),
+    ],
+)
+def test_one_file_is_not_two_things(line: str, said: str, shell: Shell, world: Path) -> None:
+    (world / "link").symlink_to("run")
+    (world / "run").mkdir()
+    row = "pair0/left.png,pair0/right.png,pair0/disparity.pfm"
+    (world / "table.csv").write_text(f"left,right,disparity\n{row}\n")
+    shell("merge pool --uniform -o mix.pth --form original")
+    before = files(world)
+    _, errors = shell(line, code=2)
+    assert said in errors
+    assert files(world) == before
