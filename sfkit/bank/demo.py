@@ -28,7 +28,7 @@ from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.pipeline import Plan, search_pool
 from sfkit.search.records import Generation, SubsetCandidate
-from sfkit.search.run_folder import identity_of, run_folder
+from sfkit.search.run_folder import run_folder
 
 NOTEBOOK = "01_quickstart"
 
@@ -106,7 +106,7 @@ def demo(
     path, plan = out / "evaluations.sqlite", budget.plan(seed)
     prepared = Evaluator(pool, validation, compute=compute)
     with (
-        run_folder(out, identity_of(pool, prepared, plan), force=force) as folder,
+        run_folder(out, plan.identity(pool, prepared), force=force) as folder,
         EvaluationStore(path) as store,
         _scored_meanwhile(path, compute) as known,
     ):

@@ -46,7 +46,7 @@ from sfkit.merging.saving import read_recipe
 from sfkit.search import RoutingSettings, SubsetSettings, subset_of
 from sfkit.search.pipeline import METHODS, Found, Plan, cost, search_pool, summary
 from sfkit.search.records import Generation
-from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, identity_of, refuse_unclaimed, run_folder
+from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
 
 def search(
@@ -110,7 +110,7 @@ def search(
     plan.check(opened)
     guide = guide_of(opened, guides, combine, compute)
     with (
-        run_folder(out, identity_of(opened, guide, plan), force=force) as folder,
+        run_folder(out, plan.identity(opened, guide), force=force) as folder,
         scoring(opened, guide, kept_in) as (evaluators, scorer),
     ):
         if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):

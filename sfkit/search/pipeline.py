@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.errors import InputError, SfkitError, unknown_name
+from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.estimate import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.known import Known, known_evaluations
@@ -25,7 +26,7 @@ from sfkit.search.journal import Journal
 from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate, RoutingSettings
-from sfkit.search.run_folder import RunFolder, identity_of, run_folder
+from sfkit.search.run_folder import RunFolder, run_folder
 from sfkit.search.subset import SubsetSearch
 
 METHODS = ("paper", "bayesian")
@@ -102,14 +103,35 @@ class Plan:
         """What a model may learn from before it proposes anything; nothing for the paper's searches."""
         if self.method == "paper":
             return ()
-        told = {
+        return known_evaluations(pool, scorer, self.describe())
+
+    def describe(self) -> dict[str, Any]:
+        """What decides what it finds, as plain values."""
+        return {
             "stage1": asdict(self.stage1),
             "stage2": self.stage2 and asdict(self.stage2),
             "subset": self.subset,
             "constraints": asdict(self.constraints),
             "start": self.start and self.start.as_dict(),
         }
-        return known_evaluations(pool, scorer, told)
+
+    def identity(self, pool: Pool, scorer: Scorer) -> dict[str, Any]:
+        """What tells this search from others, as JSON values: pool, benchmarks and plan, no place, no time.
+
+        A scorer of another kind than sfkit's own says nothing of itself.
+        """
+        parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
+        told = {
+            "pool": {"base": pool.base.fingerprint, "sources": pool.identity},
+            "partition": pool.partition.fingerprint(),
+            "benchmarks": [part.frame for part in parts if isinstance(part, Evaluator)],
+            "metrics": [str(part.metric) for part in parts if isinstance(part, Evaluator)],
+            "combine": scorer.how if isinstance(scorer, CombinedScorer) else None,
+            "method": self.method,
+            **self.describe(),
+        }
+        known: dict[str, Any] = json.loads(json.dumps(told, sort_keys=True))
+        return known
 
     def subset_search(
         self, pool: Pool, scorer: Scorer, journal: Journal | None = None, known: Sequence[Known] = ()
@@ -236,7 +258,7 @@ def search_pool(
     plan.check(pool)
     if isinstance(folder, RunFolder):
         return _search(pool, scorer, plan, folder.path, progress)
-    with run_folder(folder, identity_of(pool, scorer, plan), force=force) as run:
+    with run_folder(folder, plan.identity(pool, scorer), force=force) as run:
         return _search(pool, scorer, plan, run.path, progress)
 
 

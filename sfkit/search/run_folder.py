@@ -9,21 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from filelock import FileLock, Timeout
 
 from sfkit.errors import InputError
-from sfkit.evaluation.combining import CombinedScorer
-from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.outcome import Scorer
 from sfkit.files import write_text
-from sfkit.merging.pool import Pool
-
-if TYPE_CHECKING:
-    from sfkit.search.pipeline import Plan
 
 SEARCH = "search.json"
 LOCK = ".lock"
@@ -41,36 +34,13 @@ class RunFolder:
     path: Path
 
 
-def identity_of(pool: Pool, scorer: Scorer, plan: Plan) -> dict[str, Any]:
-    """What tells one search from another, as JSON values: what decides its result, and no place or time.
-
-    A scorer of another kind than sfkit's own says nothing of itself.
-    """
-    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    told = {
-        "pool": {"base": pool.base.fingerprint, "sources": pool.identity},
-        "partition": pool.partition.fingerprint(),
-        "benchmarks": [part.frame for part in parts if isinstance(part, Evaluator)],
-        "metrics": [str(part.metric) for part in parts if isinstance(part, Evaluator)],
-        "combine": scorer.how if isinstance(scorer, CombinedScorer) else None,
-        "method": plan.method,
-        "subset": plan.subset,
-        "stage1": asdict(plan.stage1),
-        "stage2": plan.stage2 and asdict(plan.stage2),
-        "constraints": asdict(plan.constraints),
-        "start": plan.start and plan.start.as_dict(),
-    }
-    known: dict[str, Any] = json.loads(json.dumps(told, sort_keys=True, default=list))
-    return known
-
-
 @contextmanager
 def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) -> Iterator[RunFolder]:
     """Hold a search's folder as long as the block runs; it is made where there is none.
 
     Args:
         path: the folder.
-        identity: which search is to run, from :func:`identity_of`.
+        identity: which search is to run, from :meth:`sfkit.search.pipeline.Plan.identity`.
         force: whether another search's results may be replaced.
 
     Raises:
