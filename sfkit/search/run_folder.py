@@ -78,6 +78,8 @@ def refuse_unclaimed(path: Path) -> None:
 
 def _refuse_other(path: Path, identity: Mapping[str, Any]) -> None:
     """Refuse where what lies in a folder would be replaced by another search's results."""
+    if not any((path / name).exists() for name in OUTPUTS):
+        return  # nothing to lose: a search that was not begun
     record = path / SEARCH
     try:
         held = json.loads(record.read_text(encoding="utf-8"))
