@@ -32,7 +32,8 @@ from sfkit_widgets._compare_scene import scene
 from sfkit_widgets.disparity_compare import DisparityCompare
 
 import sfkit
-from sfkit.analysis.disparities import DisparityPanels, NetworkMaps, error_map
+from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
+from sfkit.analysis.pair_maps import error_map
 
 SIZES = ((1242, 375), (1500, 1000))  # KITTI; Middlebury at half resolution
 NETWORKS = 3

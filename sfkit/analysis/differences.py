@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sfkit.analysis.disparities import Comparison, DisparityPanels, Map
+from sfkit.analysis.disparities import Comparison, DisparityPanels
+from sfkit.analysis.pair_maps import Map
 from sfkit.errors import InputError, unknown_name
 
 Pixels = tuple[NDArray[np.intp], ...]  # rows and columns

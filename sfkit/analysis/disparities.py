@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from sfkit.analysis.pair_maps import ERROR_MAP, RESIDUAL_MAP, Comparand, Map, MapKind
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
@@ -23,11 +23,6 @@ from sfkit.merging.network import LoadedNetwork
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
-Map = NDArray[np.float32]
-
-DEFAULT_THRESHOLD = 1.0
-"""Pixels; where an error map changes colour when the metric names no threshold (EPE)."""
-
 PAIRS_KEPT = 4
 """Pairs whose maps a comparison keeps, so that going back to one costs nothing."""
 
@@ -40,7 +35,8 @@ class NetworkMaps:
         name: for the panel's title.
         disparity: (H, W) float32 prediction in pixels; may hold values that are not finite.
         error: (H, W) float32 |prediction - ground truth| in pixels, NaN where the protocol counts no
-            pixel, ``inf`` where the prediction is not finite.
+            pixel, ``inf`` where the prediction is not finite. Of a pair without ground truth the census
+            residual in percent, NaN where the match lies outside of the right image.
         scores: metric -> score on this pair.
     """
 
@@ -62,7 +58,9 @@ class DisparityPanels:
         truth: (H, W) float32 pixels, NaN where there is no ground truth that counts.
         networks: the maps, in the order of the recipes.
         limits: lowest and highest disparity of the shared colour range, in pixels.
-        threshold: the error in pixels where an error map changes colour, see :func:`map_threshold`.
+        threshold: where an error map changes colour, in the unit of its kind; see
+            :func:`~sfkit.analysis.pair_maps.map_threshold`.
+        right: (H, W, 3) RGB uint8 of a pair without ground truth; None where there is some.
     """
 
     benchmark: str
@@ -73,6 +71,12 @@ class DisparityPanels:
     networks: tuple[NetworkMaps, ...]
     limits: tuple[float, float]
     threshold: float
+    right: NDArray[np.uint8] | None = None
+
+    @property
+    def kind(self) -> MapKind:
+        """What the networks' ``error`` maps hold."""
+        return ERROR_MAP if self.right is None else RESIDUAL_MAP
 
 
 Network = Recipe | LoadedNetwork
@@ -136,22 +140,23 @@ class Comparison:
         inputs = self.pool.architecture.inputs(self.pool.options)
         prepared = PreparedBenchmark(one, inputs, Quantities.of(*self.metrics))
         sample = prepared.samples[0]
-        truth = prepared.truth(0)
-        maps = []
+        comparand = Comparand.of(sample, prepared.truth(0), *self.metrics)
+        maps: list[NetworkMaps] = []
         for name, network in self.networks.items():
             disparity = self._disparity(network, prepared)
             record = prepared.errors(0, disparity)
             scores = {metric.name: record.value(metric) for metric in self.metrics}
-            maps.append(NetworkMaps(name, disparity, error_map(disparity, truth), scores))
+            maps.append(NetworkMaps(name, disparity, comparand.map(disparity), scores))
         return DisparityPanels(
             benchmark=one.name,
             protocol=one.protocol,
             pair=sample.id,
             left=sample.left,
-            truth=truth,
+            truth=comparand.truth,
             networks=tuple(maps),
-            limits=disparity_limits(truth),
-            threshold=map_threshold(*self.metrics),
+            limits=comparand.limits(np.stack([one.disparity for one in maps])),
+            threshold=comparand.threshold,
+            right=None if comparand.labelled else sample.right,
         )
 
     def _disparity(self, network: Network, prepared: PreparedBenchmark) -> Map:
@@ -185,34 +190,3 @@ def disparity_panels(
         InputError: no recipe, an unknown pair or metric, or a pair that cannot be scored.
     """
     return Comparison(pool, recipes, benchmark, metrics=metrics, compute=compute).panels(pair)
-
-
-def disparity_limits(truth: Map) -> tuple[float, float]:
-    """A colour range for one pair: the 1st and 99th percentile of its ground truth, in pixels.
-
-    The range is rounded outwards to whole pixels and is at least one pixel wide.
-
-    Raises:
-        InputError: no ground truth at all.
-    """
-    known = truth[np.isfinite(truth)]
-    if known.size == 0:
-        raise InputError("ground truth: found no valid pixel, expected at least one to set a colour range")
-    low, high = np.percentile(known, [1.0, 99.0])
-    bottom = math.floor(low)
-    return float(bottom), float(max(math.ceil(high), bottom + 1))
-
-
-def error_map(prediction: Map, truth: Map) -> Map:
-    """|prediction - truth| (H, W) in pixels: NaN without ground truth, inf without a finite prediction."""
-    finite = np.where(np.isfinite(prediction), prediction, np.float32(np.inf))
-    return np.asarray(np.abs(finite - truth), dtype=np.float32)
-
-
-def map_threshold(*metrics: Metric) -> float:
-    """The error in pixels where an error map changes colour: that of the first metric that has one, else 1.
-
-    A threshold that was asked for (bad-T) goes before one that a metric brings along (D1).
-    """
-    found = [m.map_threshold for m in sorted(metrics, key=lambda metric: not metric.thresholds)]
-    return next((threshold for threshold in found if threshold is not None), DEFAULT_THRESHOLD)

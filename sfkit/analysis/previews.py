@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sfkit.analysis.disparities import Map, disparity_limits, error_map, map_threshold
+from sfkit.analysis.pair_maps import Comparand, Map
 from sfkit.architectures import PreparedPair
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import unknown_name
@@ -34,7 +34,8 @@ class PairLook:
         disparity: (H / reduction, W / reduction) float32 pixels of the full size; may hold values that are
             not finite.
         error: the same shape, |disparity - ground truth| in pixels: NaN where the protocol counts no pixel,
-            ``inf`` where the prediction is not finite.
+            ``inf`` where the prediction is not finite; of a pair without ground truth its census residual in
+            percent (:mod:`~sfkit.analysis.pair_maps`).
         score: the evaluator's metric on this pair; None at reduced size, where it would mean another thing.
         reduction: 1 for the full size, else by how much height and width were divided.
         seconds: what merging and the forward pass took.
@@ -63,18 +64,20 @@ class PairPreview:
         self.evaluator = evaluator
         self._model = evaluator.compute.model(evaluator.pool)
         self._busy = threading.Lock()
-        self._reduced: dict[int, PreparedPair] = {}
+        self._reduced: dict[int, tuple[PreparedPair, Comparand]] = {}
         self.choose(pair or evaluator.benchmark.ids[0])
-
-    @property
-    def threshold(self) -> float:
-        """The error in pixels where an error map changes colour: that of bad-t, 3 for D1, else 1."""
-        return map_threshold(self.evaluator.metric)
 
     @property
     def sample(self) -> Sample:
         """The pair's images and ground truth."""
         return self.evaluator.prepared.samples[self._number]
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The colour range of disparities in pixels: of the ground truth, else of the pair's first look."""
+        if self._limits is None:
+            raise RuntimeError("a pair without ground truth has no colour range before its first look")
+        return self._limits
 
     def choose(self, pair: str) -> None:
         """Look at another pair.
@@ -87,8 +90,9 @@ class PairPreview:
             raise unknown_name(f"pair of benchmark {benchmark.name!r}", pair, benchmark.ids)
         with self._busy:
             self.pair, self._number = pair, benchmark.ids.index(pair)
-            self.truth = self.evaluator.prepared.truth(self._number)
-            self.limits = disparity_limits(self.truth)
+            truth = self.evaluator.prepared.truth(self._number)
+            self.comparand = Comparand.of(self.sample, truth, self.evaluator.metric)
+            self._limits: tuple[float, float] | None = None
             self._reduced.clear()
             self._full_seconds = math.inf
 
@@ -101,7 +105,8 @@ class PairPreview:
             self._full_seconds = min(self._full_seconds, seconds)  # others may have used the machine, too
             errors = self.evaluator.prepared.errors(self._number, prediction)
             score = errors.value(self.evaluator.metric)
-            return PairLook(prediction, error_map(prediction, self.truth), score, 1, seconds)
+            self._limits = self._limits or self.comparand.limits(prediction)
+            return PairLook(prediction, self.comparand.map(prediction), score, 1, seconds)
 
     def quick_look(self, recipe: Recipe) -> PairLook:
         """The recipe at a size that takes about ``QUICK_SECONDS``: the full one where that is quick."""
@@ -110,20 +115,22 @@ class PairPreview:
             return self.look(recipe)
         with self._busy:
             started = time.perf_counter()
-            small = self._predict(recipe, self._reduced_pair(reduction)) * np.float32(reduction)
-            truth = self.truth[::reduction, ::reduction]
+            pair, comparand = self._reduced_pair(reduction)
+            small = self._predict(recipe, pair)
             seconds = time.perf_counter() - started
-            return PairLook(small, error_map(small, truth), None, reduction, seconds)
+            wrong = comparand.map(small) * np.float32(reduction if comparand.labelled else 1)
+            return PairLook(small * np.float32(reduction), wrong, None, reduction, seconds)
 
     def _predict(self, recipe: Recipe, pair: PreparedPair) -> Map:
         self._model.apply(recipe)
         disparity: Map = pair.window.crop(self._model.disparity(pair.left, pair.right)).numpy()
         return disparity
 
-    def _reduced_pair(self, reduction: int) -> PreparedPair:
+    def _reduced_pair(self, reduction: int) -> tuple[PreparedPair, Comparand]:
         if reduction not in self._reduced:
             left, right = (_shrunk(image, reduction) for image in (self.sample.left, self.sample.right))
-            self._reduced[reduction] = self.evaluator.prepared.inputs.prepare(left, right)
+            prepared = self.evaluator.prepared.inputs.prepare(left, right)
+            self._reduced[reduction] = prepared, self.comparand.reduced(left, right, reduction)
         return self._reduced[reduction]
 
 

@@ -60,9 +60,14 @@ def consistency(of_left: Map, of_right: Map) -> tuple[NDArray[np.bool_], NDArray
         return inside & (np.abs(of_left - back) <= CONSISTENT), inside
 
 
-def _confidence(residuals: Map, agree: NDArray[np.bool_]) -> Map:
+def mean_around(residuals: Map) -> Map:
+    """Residuals (H, W) averaged over the pixels around that have one; as unrelated images' where none has."""
     known = np.isfinite(residuals).astype(np.float32)
     total = cv2.boxFilter(np.nan_to_num(residuals), -1, (BLOCK, BLOCK), normalize=False)
     count = cv2.boxFilter(known, -1, (BLOCK, BLOCK), normalize=False)
-    mean = np.divide(total, count, out=np.full_like(total, CHANCE), where=count > 0)
-    return np.asarray(np.where(agree, np.clip(1.0 - mean / CHANCE, 0.0, 1.0), 0.0), dtype=np.float32)
+    return np.divide(total, count, out=np.full_like(total, CHANCE), where=count > 0)
+
+
+def _confidence(residuals: Map, agree: NDArray[np.bool_]) -> Map:
+    confident = np.clip(1.0 - mean_around(residuals) / CHANCE, 0.0, 1.0)
+    return np.asarray(np.where(agree, confident, 0.0), dtype=np.float32)

@@ -33,7 +33,7 @@ def advantage_figure(
     Raises:
         InputError: an unknown theme.
     """
-    pair, found = panels.pair, panels.advantage
+    pair, found, kind = panels.pair, panels.advantage, panels.pair.kind
     size = pair.truth.shape
     network, reference = escape(panels.network), escape(panels.reference)
     titles = ["left image", f"{network} against {reference}"]
@@ -51,14 +51,15 @@ def advantage_figure(
     add_picture(figure, size, photograph, 1, 1, "left image")
     add_picture(figure, size, embedded(signed), 1, 2, "difference")
     frame_pictures(figure, size)
-    add_colour_bar(figure, "change of error (px)", ERROR, (-span, span))
+    add_colour_bar(figure, f"change of {kind.name} ({kind.unit})", ERROR, (-span, span))
     return finish(
         figure,
         theme=theme,
         title=f"Where is {network} better than {reference} on {escape(pair.benchmark)}, "
         f"pair {escape(pair.pair)}?",
-        subtitle=f"blue: better; beyond {pair.threshold:g} px the error of {found.fixed:.1f} % of the pixels "
-        f"was fixed, of {found.broken:.1f} % broken; protocol {pair.protocol}; grey hatch: no ground truth",
+        subtitle=f"blue: better; beyond {pair.threshold:g} {kind.unit} the {kind.name} of "
+        f"{found.fixed:.1f} % of the pixels was fixed, of {found.broken:.1f} % broken; "
+        f"protocol {pair.protocol}; grey hatch: {kind.missing}",
         height=round((width - 150) / 2 * size[0] / size[1] + 150),
         width=width,
         margin={"l": 20, "r": 120, "t": 104, "b": 10},

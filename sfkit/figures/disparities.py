@@ -31,7 +31,7 @@ def disparity_figure(
 
     All disparities share one colour range in pixels. Errors change colour at the threshold: blue is
     within it, orange beyond. Where there is no ground truth the picture is hatched grey. All panels zoom
-    and pan together.
+    and pan together. Of a pair without any ground truth the right image and residuals are drawn.
 
     Args:
         panels: from :func:`~sfkit.analysis.disparities.disparity_panels`.
@@ -42,6 +42,7 @@ def disparity_figure(
     Raises:
         InputError: an unknown theme.
     """
+    second = "ground truth" if panels.right is None else "right image"
     rows = 1 + len(panels.networks)
     panel = (width - 150) / 2 * panels.truth.shape[0] / panels.truth.shape[1]
     height = round(rows * (panel + 34) + 114)
@@ -50,14 +51,13 @@ def disparity_figure(
         cols=2,
         horizontal_spacing=0.02,
         vertical_spacing=34 / height,
-        subplot_titles=["left image", "ground truth", *_titles(panels)],
+        subplot_titles=["left image", second, *_titles(panels)],
         shared_xaxes="all",
         shared_yaxes="all",
     )
-    truth = paint(picked(panels.truth, resolution), panels.limits, DISPARITY)
     photograph = embedded(averaged(panels.left, resolution), photograph=True)
     add_picture(figure, panels.truth.shape, photograph, 1, 1, "left image")
-    add_picture(figure, panels.truth.shape, embedded(truth), 1, 2, "ground truth")
+    add_picture(figure, panels.truth.shape, _compared_with(panels, resolution), 1, 2, second)
     for number, network in enumerate(panels.networks, start=2):
         _network(figure, panels, network, number, resolution)
     frame_pictures(figure, panels.truth.shape)
@@ -66,7 +66,7 @@ def disparity_figure(
         figure,
         theme=theme,
         title=f"Where is each network wrong on {escape(panels.benchmark)}, pair {escape(panels.pair)}?",
-        subtitle=f"pixels counted by protocol {panels.protocol}; grey hatch: no ground truth; "
+        subtitle=f"pixels counted by protocol {panels.protocol}; grey hatch: {panels.kind.missing}; "
         "beyond a bar's ends its end colour",
         height=height,
         width=width,
@@ -75,11 +75,18 @@ def disparity_figure(
     )
 
 
+def _compared_with(panels: DisparityPanels, resolution: int) -> str:
+    if panels.right is not None:
+        return embedded(averaged(panels.right, resolution), photograph=True)
+    return embedded(paint(picked(panels.truth, resolution), panels.limits, DISPARITY))
+
+
 def _titles(panels: DisparityPanels) -> list[str]:
     titles = []
     for network in panels.networks:
         scores = ", ".join(score_text(metric, score) for metric, score in network.scores.items())
-        titles += [f"{escape(network.name)}: disparity", f"{escape(network.name)}: error ({scores})"]
+        name = escape(network.name)
+        titles += [f"{name}: disparity", f"{name}: {panels.kind.name} ({scores})"]
     return titles
 
 
@@ -93,7 +100,7 @@ def _network(
     position = np.where(np.isnan(error), np.nan, error_position(error, panels.threshold))
     wrong = paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
     add_picture(figure, size, embedded(disparity), row, 1, f"{network.name}: disparity")
-    add_picture(figure, size, embedded(wrong), row, 2, f"{network.name}: error")
+    add_picture(figure, size, embedded(wrong), row, 2, f"{network.name}: {panels.kind.name}")
 
 
 def _keys(figure: go.Figure, panels: DisparityPanels) -> None:
@@ -103,4 +110,6 @@ def _keys(figure: go.Figure, panels: DisparityPanels) -> None:
     labels[0], labels[-1] = f"≤ {labels[0]}", f"≥ {labels[-1]}"
     add_colour_bar(figure, "disparity (px)", DISPARITY, (low, high), length=0.46)
     ends, ticks = (-ERROR_SPAN, ERROR_SPAN), (octaves.tolist(), labels)
-    add_colour_bar(figure, "error (px)", ERROR, ends, top=0.48, length=0.46, ticks=ticks)
+    add_colour_bar(
+        figure, f"{panels.kind.name} ({panels.kind.unit})", ERROR, ends, top=0.48, length=0.46, ticks=ticks
+    )

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from tiny import write_pairs, write_pool
 
 from sfkit.analysis.differences import advantage, advantage_table, outlier_regions
-from sfkit.analysis.disparities import Comparison, error_map
+from sfkit.analysis.disparities import Comparison
+from sfkit.analysis.pair_maps import error_map
 from sfkit.datasets.benchmark import open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from tiny import write_pairs, write_pool
 
-from sfkit.analysis.disparities import Comparison, disparity_limits, disparity_panels, error_map
+from sfkit.analysis.disparities import Comparison, disparity_panels
+from sfkit.analysis.pair_maps import disparity_limits, error_map
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark, open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation import Evaluator

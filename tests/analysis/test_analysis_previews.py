@@ -32,7 +32,7 @@ def test_a_look_agrees_with_the_evaluator(evaluator: Evaluator) -> None:
     assert look.score == images[1].value("bad-2.0")
     assert look.reduction == 1
     assert look.disparity.shape == look.error.shape == (48, 96)
-    np.testing.assert_array_equal(np.isnan(look.error), np.isnan(preview.truth))
+    np.testing.assert_array_equal(np.isnan(look.error), np.isnan(preview.comparand.truth))
     preview.choose("pair0")
     assert preview.look(recipe).score == images[0].value("bad-2.0")
 
@@ -54,7 +54,9 @@ def test_a_slow_network_gets_a_reduced_look_first(
     assert quick.reduction == 2
     assert quick.score is None
     assert quick.disparity.shape == (24, 48)
-    np.testing.assert_allclose(quick.error, abs(quick.disparity - preview.truth[::2, ::2]), rtol=1e-5)
+    np.testing.assert_allclose(
+        quick.error, abs(quick.disparity - preview.comparand.truth[::2, ::2]), rtol=1e-5
+    )
     monkeypatch.setattr(previews, "QUICK_SECONDS", math.inf)
     assert preview.quick_look(evaluator.pool.uniform()).reduction == 1
 

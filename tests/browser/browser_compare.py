@@ -8,7 +8,8 @@ import numpy as np
 from sfkit_widgets.disparity_compare import DisparityCompare
 from tiny import write_pairs, write_pool
 
-from sfkit.analysis.disparities import DisparityPanels, NetworkMaps, error_map
+from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
+from sfkit.analysis.pair_maps import error_map
 from sfkit.datasets.benchmark import Benchmark, open_benchmark
 from sfkit.merging import Pool, open_pool
 

@@ -222,7 +222,7 @@ def test_values_under_the_mouse(shown: Callable[..., Stage]) -> None:
     assert box is not None
     panel.hover(position={"x": box["width"] * 35.5 / WIDTH, "y": box["height"] * 10.5 / HEIGHT})
     truth = panels().truth[10, 35]
-    assert_becomes(opened.page, text_of(opened, "caption"), "Values in px at the cursor: x 35, y 10")
+    assert_becomes(opened.page, text_of(opened, "caption"), "Values at the cursor: x 35, y 10")
     assert values(opened) == {
         "ground truth": [f"{truth:.2f}", "", ""],
         "shift": [f"{truth + 0.5:.2f}", "0.50", "0.00"],
@@ -251,7 +251,7 @@ def test_everything_by_keyboard(shown: Callable[..., Stage]) -> None:
     assert_becomes(opened.page, text_of(opened, "output"), "156 %")
     assert assert_told(opened, cursor=[31, 9], shown="error")["camera"]["zoom"] == 1.5625
     press("n")
-    assert_becomes(opened.page, text_of(opened, "caption"), "Values in px at the cursor: x 35, y 10")
+    assert_becomes(opened.page, text_of(opened, "caption"), "Values at the cursor: x 35, y 10")
     press("0")
     assert_becomes(opened.page, text_of(opened, "output"), "100 %")
 
@@ -272,7 +272,7 @@ def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
     # 48 / 12 and 24 / 8 leave room for a zoom of 3 / 2.5; the centre as near (36, 10) as the edges let it.
     assert_told(opened, cursor=[35, 10], camera=pytest.approx({"x": 28, "y": 10, "zoom": 1.2}))
     assert_becomes(opened.page, lambda: button.get_attribute("aria-pressed"), "true")
-    opened.root.get_by_label("Outlier regions (px) of B").select_option("shift")
+    opened.root.get_by_label("Outlier regions of B").select_option("shift")
     opened.root.get_by_text("No region of 8 or more bad pixels.").wait_for()
 
 

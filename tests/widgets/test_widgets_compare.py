@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from browser_compare import HEIGHT, HOLE, WIDTH, panels, widget, world
@@ -15,12 +16,25 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from sfkit_widgets import _compare_scene
-from sfkit_widgets._compare_scene import HIGHEST, LOWEST, NO_VALUE, NOT_FINITE, REACH, MapCoding, scene
+from sfkit_widgets._compare_scene import (
+    HIGHEST,
+    LOWEST,
+    NO_RESIDUAL,
+    NO_VALUE,
+    NOT_FINITE,
+    REACH,
+    RESIDUAL_NOT_FINITE,
+    RESIDUAL_STEPS,
+    MapCoding,
+    scene,
+)
 from sfkit_widgets.disparity_compare import DisparityCompare
+from tiny import write_pairs
 from traitlets import TraitError
 
-from sfkit.analysis.disparities import DisparityPanels, NetworkMaps, disparity_panels, error_map
-from sfkit.datasets.benchmark import Benchmark
+from sfkit.analysis.disparities import DisparityPanels, NetworkMaps, disparity_panels
+from sfkit.analysis.pair_maps import error_map
+from sfkit.datasets.benchmark import Benchmark, open_benchmark
 from sfkit.errors import InputError
 from sfkit.merging import Pool
 
@@ -134,6 +148,31 @@ def test_it_shows_what_the_analysis_computes(compare: DisparityCompare, made: tu
         atol=compare.scene["step"],
     )
     assert shown["score"] == f"bad-2.0 {expected.networks[0].scores['bad-2.0']:.2f} %"
+
+
+def test_a_pair_without_truth_brings_its_right_image_and_residuals(
+    made: tuple[Pool, Benchmark], tmp_path: Path
+) -> None:
+    pool, _ = made
+    pairs = open_benchmark("unlabelled", write_pairs(tmp_path, count=1))
+    recipes = {"base": pool.base_recipe(), "uniform": pool.uniform()}
+    state = DisparityCompare(pool, recipes, pairs, shown="better").scene
+    assert (state["kind"], state["unit"], state["truth"]) == ("residual", "%", b"")
+    assert cv2.imdecode(np.frombuffer(state["right"], np.uint8), cv2.IMREAD_COLOR).shape == (48, 96, 3)
+    expected = disparity_panels(pool, recipes, pairs).networks[1].error
+    codes = np.frombuffer(state["networks"][1]["residual"], np.uint8).reshape(48, 96)
+    assert ((codes == NO_RESIDUAL) == np.isnan(expected)).all()
+    known = np.isfinite(expected)
+    np.testing.assert_allclose(codes[known] / RESIDUAL_STEPS, expected[known], atol=0.201)
+    assert state["networks"][1]["score"].startswith("census ")
+    json.dumps(state["networks"][1]["against"], allow_nan=False)
+
+
+def test_codes_of_residuals_tell_no_match_from_not_finite() -> None:
+    values = np.array([[0.0, 100.0, np.inf, np.nan]], np.float32)
+    assert _compare_scene.residual_codes(values).tolist() == [[0, 250, RESIDUAL_NOT_FINITE, NO_RESIDUAL]]
+    nowhere = np.full((2, 2), np.nan, np.float32)
+    assert _compare_scene._against(nowhere, nowhere, 1.0) == {"fixed": None, "broken": None}
 
 
 def test_another_pair_comes_with_its_scores_and_an_open_view(compare: DisparityCompare) -> None:

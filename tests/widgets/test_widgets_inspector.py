@@ -76,6 +76,22 @@ def test_the_pictures_are_those_of_the_recipe(evaluator: Evaluator, inspector: R
     assert twin.disparity_picture == inspector.disparity_picture
 
 
+def test_a_pair_without_truth_is_edited_by_its_residual(evaluator: Evaluator, tmp_path: Path) -> None:
+    guide = Evaluator(evaluator.pool, sfkit.open_benchmark("unlabelled", write_pairs(tmp_path)))
+    inspector = RoutingInspector(guide, ("a", "b"), tied=False)
+    assert inspector.captions == {"truth": "right image", "error": "residual"}
+    assert shape(inspector.truth_picture) == shape(inspector.error_picture) == (48, 96, 3)
+    assert inspector.legends["error"]["ticks"][1:] == ["12.5", "≥ 100 %"]
+    before, colours = inspector.error_picture, inspector.legends
+    assert tell(inspector, "weigh", block="head", source="a", weight=1.0) == ""
+    score = guide.evaluate([inspector.recipe])[0].images[0].value("census")
+    assert inspector.look["score"] == {"state": "known", "value": score}
+    assert inspector.error_picture != before
+    assert inspector.legends == colours  # the pair's, so that edits can be compared
+    assert tell(inspector, "show_pair", pair=inspector.pairs[1]) == ""
+    assert inspector.pair == inspector.pairs[1]
+
+
 def test_every_edit_can_be_undone_and_redone(inspector: RoutingInspector) -> None:
     start, picture = inspector.recipe, inspector.disparity_picture
     edits: list[tuple[str, dict[str, Any]]] = [

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.analysis.differences import OutlierRegion, advantage, outlier_regions
-from sfkit.analysis.disparities import DisparityPanels, Map, NetworkMaps
+from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.labels import score_text
+from sfkit.analysis.pair_maps import Map
 from sfkit.colours import DISPARITY, ERROR, ERROR_SPAN, hatch, lookup
 from sfkit.figures.differences import ADVANTAGE_SPAN
 
 NO_VALUE, NOT_FINITE = 0, 65535
 LOWEST, HIGHEST = 1, 65534
+NO_RESIDUAL, RESIDUAL_NOT_FINITE, RESIDUAL_STEPS = 255, 254, 2.5  # codes; steps of a percent
 REACH = 256.0  # pixels beyond the colour range; values further away are cut off, and shown as cut off
 HATCH_SIDE = 8
 PHOTOGRAPH_QUALITY = 90
@@ -43,8 +45,8 @@ class MapCoding:
         low, high = panels.limits
         maps = [panels.truth, *(network.disparity for network in panels.networks)]
         known = [map_[np.isfinite(map_)] for map_ in maps]
-        bottom = min(float(values.min()) for values in known if values.size)
-        top = max(float(values.max()) for values in known if values.size)
+        bottom = min((float(values.min()) for values in known if values.size), default=low)
+        top = max((float(values.max()) for values in known if values.size), default=high)
         offset = max(bottom, low - REACH)
         end = min(top, high + REACH)
         step = max(end - offset, high - low) / (HIGHEST - LOWEST)
@@ -61,7 +63,9 @@ class MapCoding:
 def scene(panels: DisparityPanels) -> dict[str, Any]:
     """Everything a pair shows: pictures and maps as bytes, the rest plain JSON.
 
-    Maps are (H, W) uint16 in little-endian order; see :class:`MapCoding`.
+    Maps are (H, W) uint16 in little-endian order; see :class:`MapCoding`. Errors are differences of them.
+    A pair without ground truth has ``right`` in place of ``truth``, and each network its ``residual`` map,
+    (H, W) uint8: percent times 2.5, 254 where the prediction is not finite, 255 where there is no match.
     """
     coding = MapCoding.of(panels)
     height, width = panels.truth.shape
@@ -76,8 +80,12 @@ def scene(panels: DisparityPanels) -> dict[str, Any]:
         "cut": [coding.below, coding.above],
         "limits": list(panels.limits),
         "threshold": panels.threshold,
+        "kind": panels.kind.name,
+        "unit": panels.kind.unit,
+        "missing": panels.kind.missing,
         "left": _photograph(panels.left),
-        "truth": coding.codes(panels.truth, missing=NO_VALUE).tobytes(),
+        "right": b"" if panels.right is None else _photograph(panels.right),
+        "truth": coding.codes(panels.truth, missing=NO_VALUE).tobytes() if panels.right is None else b"",
         "networks": [_network(panels, network, coding) for network in panels.networks],
     }
 
@@ -94,14 +102,31 @@ def palettes() -> dict[str, Any]:
 
 
 def _network(panels: DisparityPanels, network: NetworkMaps, coding: MapCoding) -> dict[str, Any]:
-    versus = [advantage(other.error, network.error, panels.threshold) for other in panels.networks]
     return {
         "name": network.name,
         "score": ", ".join(score_text(metric, score) for metric, score in network.scores.items()),
         "map": coding.codes(network.disparity, missing=NOT_FINITE).tobytes(),
-        "against": [{"fixed": found.fixed, "broken": found.broken} for found in versus],
+        "residual": b"" if panels.right is None else residual_codes(network.error).tobytes(),
+        "against": [_against(other.error, network.error, panels.threshold) for other in panels.networks],
         "regions": [_region(region) for region in outlier_regions(network.error, panels.threshold)],
     }
+
+
+def residual_codes(residual: Map) -> NDArray[np.uint8]:
+    """(H, W) codes of residuals in percent: 0 to 250, where not finite 254, where there is none 255."""
+    finite = np.isfinite(residual)
+    codes = np.rint(np.where(finite, residual, 0.0) * RESIDUAL_STEPS).astype(np.uint8)
+    return np.where(finite, codes, np.where(np.isnan(residual), NO_RESIDUAL, RESIDUAL_NOT_FINITE)).astype(
+        np.uint8
+    )
+
+
+def _against(reference: Map, network: Map, threshold: float) -> dict[str, float | None]:
+    """What a network fixes and breaks; None where no pixel counts in both."""
+    if (np.isnan(reference) | np.isnan(network)).all():
+        return {"fixed": None, "broken": None}
+    found = advantage(reference, network, threshold)
+    return {"fixed": found.fixed, "broken": found.broken}
 
 
 def _region(region: OutlierRegion) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def disparity_picture(disparity: NDArray[np.floating[Any]], limits: tuple[float,
 
 
 def error_picture(error: NDArray[np.floating[Any]], threshold: float) -> bytes:
-    """An error map (H, W) in pixels as JPEG: blue below the threshold, orange beyond, hatch: no truth."""
+    """An error or residual map (H, W) as JPEG: blue below the threshold, orange beyond, hatch: no value."""
     values = picked(error, LONGEST)
     position = np.where(np.isnan(values), np.nan, error_position(values, threshold))
     return _painted(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
@@ -56,10 +56,10 @@ def disparity_legend(limits: tuple[float, float]) -> dict[str, Any]:
     return {"stops": _css(DISPARITY), "ticks": [f"≤ {low:g}", f"{(low + high) / 2:g}", f"≥ {high:g} px"]}
 
 
-def error_legend(threshold: float) -> dict[str, Any]:
-    """The colour key of an error map, its threshold in the middle."""
+def error_legend(threshold: float, unit: str) -> dict[str, Any]:
+    """The colour key of an error or residual map, its threshold in the middle."""
     low, high = (threshold * 2.0**octave for octave in (-ERROR_SPAN, ERROR_SPAN))
-    return {"stops": _css(ERROR), "ticks": [f"≤ {low:.3g}", f"{threshold:g}", f"≥ {high:g} px"]}
+    return {"stops": _css(ERROR), "ticks": [f"≤ {low:.3g}", f"{threshold:g}", f"≥ {high:g} {unit}"]}
 
 
 def share_colours() -> list[list[str]]:

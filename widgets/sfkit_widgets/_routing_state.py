@@ -61,14 +61,23 @@ def draft_state(history: EditHistory) -> State:
 
 def pair_state(preview: PairPreview) -> State:
     """The traits that show a pair, whatever the recipe."""
+    comparand = preview.comparand
     return {
         "pair": preview.pair,
         "size": list(preview.sample.size),
         "left_picture": photograph(preview.sample.left),
-        "truth_picture": disparity_picture(preview.truth, preview.limits),
+        "truth_picture": (
+            disparity_picture(comparand.truth, preview.limits)
+            if comparand.labelled
+            else photograph(preview.sample.right)
+        ),
+        "captions": {
+            "truth": "ground truth" if comparand.labelled else "right image",
+            "error": comparand.kind.name,
+        },
         "legends": {
             "disparity": disparity_legend(preview.limits),
-            "error": error_legend(preview.threshold),
+            "error": error_legend(comparand.threshold, comparand.kind.unit),
         },
     }
 
@@ -77,7 +86,7 @@ def look_state(look: PairLook, preview: PairPreview) -> State:
     """The traits that show what a recipe does to the pair."""
     return {
         "disparity_picture": disparity_picture(look.disparity, preview.limits),
-        "error_picture": error_picture(look.error, preview.threshold),
+        "error_picture": error_picture(look.error, preview.comparand.threshold),
         "look": {
             "score": score_state(look.score),
             "reduction": look.reduction,
@@ -99,7 +108,7 @@ def pin_pictures(bench: RoutingWorkbench) -> State:
     return {
         name: {
             "disparity": disparity_picture(pin.look.disparity, bench.preview.limits),
-            "error": error_picture(pin.look.error, bench.preview.threshold),
+            "error": error_picture(pin.look.error, bench.preview.comparand.threshold),
         }
         for name, pin in bench.pins.items()
     }

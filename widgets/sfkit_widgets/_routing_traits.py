@@ -128,25 +128,32 @@ class RoutingTraits(SfkitWidget):
     """
 
     truth_picture = traitlets.Bytes(b"").tag(sync=True)
-    """The ground truth in colours; hatched grey where none counts.
+    """The ground truth in colours, hatched grey where none counts; of a pair without any the right image.
 
     - Type: `bytes`, JPEG
     """
 
     disparity_picture = traitlets.Bytes(b"").tag(sync=True)
-    """The edited network's disparity in the ground truth's colours.
+    """The edited network's disparity in the pair's colours.
 
     - Type: `bytes`, JPEG
     """
 
     error_picture = traitlets.Bytes(b"").tag(sync=True)
-    """Its error: blue below the threshold, orange beyond.
+    """Its error, or residual: blue below the threshold, orange beyond.
 
     - Type: `bytes`, JPEG
     """
 
+    captions = traitlets.Dict().tag(sync=True)
+    """What two pictures are called: `truth` "ground truth" or "right image", `error` "error" or "residual".
+
+    - Type: `dict[str, str]`
+    """
+
     legends = traitlets.Dict().tag(sync=True)
-    """Colour keys of `disparity` and `error` (pixels): `stops`, and the low, middle and high `ticks`.
+    """Colour keys of `disparity` (pixels) and `error` (pixels, or percent of census bits): `stops`, and the
+    low, middle and high `ticks`.
 
     - Type: `dict`
     """

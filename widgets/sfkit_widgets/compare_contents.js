@@ -15,14 +15,18 @@ const LETTERS = ["A", "B"];
  * @returns {Content}
  */
 export function leftContent({ pictures }) {
-  return { title: "left image", note: "", pictures: [pictures.photograph] };
+  return { title: "left image", note: "", pictures: [pictures.photographs.left] };
 }
 
 /**
+ * The ground truth, or the right image where there is none.
  * @param {Shown} now
  * @returns {Content}
  */
 export function truthContent({ pictures, limits }) {
+  if (!pictures.labelled) {
+    return { title: "right image", note: "no ground truth", pictures: [pictures.photographs.right] };
+  }
   const note = `${pictures.scene.protocol}; hatched: no value`;
   return { title: "ground truth", note, pictures: [pictures.groundTruth(limits)] };
 }
@@ -38,10 +42,12 @@ export function networkContent({ pictures, shown, limits, first }, number) {
   const { name, score, against } = networks[number];
   const { fixed, broken } = against[first];
   const better = shown === "better" && number !== first;
-  const note = better
-    ? `against ${networks[first].name}: ${fixed.toFixed(1)} % fixed, ${broken.toFixed(1)} % broken`
-    : score;
-  const kind = better ? "better where" : shown === "better" ? "error" : shown;
+  const changes =
+    fixed === null || broken === null
+      ? "no pixel to compare in both"
+      : `${fixed.toFixed(1)} % fixed, ${broken.toFixed(1)} % broken`;
+  const note = better ? `against ${networks[first].name}: ${changes}` : score;
+  const kind = better ? "better where" : shown === "disparity" ? shown : pictures.scene.kind;
   const picture = pictures.network(number, { shown, limits, reference: first });
   return { title: `${name}: ${kind}`, note, pictures: [picture] };
 }

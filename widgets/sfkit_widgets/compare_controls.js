@@ -19,7 +19,10 @@ export function choiceButtons(label, choices, choose, signal) {
   const update = (/** @type {string} */ value) => {
     for (const button of buttons) button.setAttribute("aria-pressed", String(button.dataset.value === value));
   };
-  return { group, update };
+  const rename = (/** @type {string} */ value, /** @type {string} */ text) => {
+    for (const button of buttons) if (button.dataset.value === value) button.textContent = text;
+  };
+  return { group, update, rename };
 }
 
 /**

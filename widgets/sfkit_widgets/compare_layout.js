@@ -18,7 +18,7 @@ import { element } from "./_shared.js";
 
 const HELP =
   "Click a panel; then the wheel, + and − zoom, dragging pans and 0 shows all. Arrows move the cursor, with " +
-  "shift by 10 px. 1, 2, 3: disparity, error, better. N and P: outlier regions. Page up and down: pairs. " +
+  "shift by 10 px. 1, 2, 3: disparity, error (or residual), better. N and P: outlier regions. Page up and down: pairs. " +
   "Space: A or B when blinking. [ and ]: the divider.";
 /** @type {[string, string][]} */
 const ARRANGEMENTS = ["side by side", "swipe", "blink"].map((name) => [name, name]);
@@ -59,7 +59,7 @@ export function layOut(body, act, signal) {
       "aria-roledescription": "linked image panels",
     }),
     table: element("table"),
-    listed: choiceList("Outlier regions (px) of B", set("second"), signal),
+    listed: choiceList("Outlier regions of B", set("second"), signal),
     regions: element("ol"),
     none: element("p", { class: "sfkit-compare-help" }),
   };

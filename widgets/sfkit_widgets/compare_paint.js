@@ -13,6 +13,9 @@ const NO_VALUE = 0;
 const NOT_FINITE = 65535;
 const CODES = 65536;
 const HATCH_SIDE = 8;
+const NO_RESIDUAL = 255;
+const RESIDUAL_NOT_FINITE = 254;
+const RESIDUAL_STEPS = 2.5; // of a percent
 const FAR = CODES * 4; // the error of a prediction that is not finite, in steps
 
 /**
@@ -115,7 +118,7 @@ export function errorColours(step, threshold, span, table) {
 
 /**
  * @param {Uint32Array} out
- * @param {Uint16Array} codes
+ * @param {Uint16Array | Uint8Array} codes of disparities, or of residuals
  * @param {Uint32Array} colours by code
  */
 export function paintDisparity(out, codes, colours) {
@@ -154,6 +157,51 @@ export function paintBetter(out, { codes, reference, truth }, span, table) {
     const other = reference[i] === NOT_FINITE ? FAR : Math.abs(reference[i] - truth[i]);
     out[i] = table[tableIndex((own - other + span) / (2 * span))];
   }
+}
+
+/**
+ * The residual in percent of a code; NaN where there is none, Infinity without a finite prediction.
+ * @param {number} code
+ */
+export function residualOf(code) {
+  if (code === NO_RESIDUAL) return NaN;
+  return code === RESIDUAL_NOT_FINITE ? Infinity : code / RESIDUAL_STEPS;
+}
+
+/**
+ * The colour of every code of a residual; that of none is 0.
+ * @param {number} threshold
+ * @param {number} span
+ * @param {Uint32Array} table
+ */
+export function residualColours(threshold, span, table) {
+  return Uint32Array.from({ length: NO_RESIDUAL + 1 }, (_, code) =>
+    code === NO_RESIDUAL ? 0 : table[tableIndex(errorPosition(residualOf(code), threshold, span))],
+  );
+}
+
+/**
+ * The network's residual minus the reference's, from -span (first colour) to span (last).
+ * @param {Uint32Array} out
+ * @param {Uint8Array} residuals
+ * @param {Uint8Array} reference
+ * @param {number} span in percent
+ * @param {Uint32Array} table
+ */
+export function paintBetterMatch(out, residuals, reference, span, table) {
+  for (let i = 0; i < out.length; i += 1) {
+    const change = differenceOf(residualOf(residuals[i]), residualOf(reference[i]));
+    out[i] = Number.isNaN(change) ? 0 : table[tableIndex((change + span) / (2 * span))];
+  }
+}
+
+/**
+ * How much larger one error is than another; equal where neither is finite.
+ * @param {number} own
+ * @param {number} other
+ */
+export function differenceOf(own, other) {
+  return own === Infinity && other === Infinity ? 0 : own - other;
 }
 
 /**

@@ -4,25 +4,29 @@ import {
   codesOf,
   colourTable,
   cutOff,
+  differenceOf,
   disparityColours,
   disparityOf,
   errorColours,
   errorOf,
   paintBetter,
+  paintBetterMatch,
   paintDisparity,
   paintError,
   paintHatch,
+  residualColours,
+  residualOf,
 } from "./compare_paint.js";
-import { imageUrl } from "./_shared.js";
+import { element, imageUrl } from "./_shared.js";
 
 /** @typedef {import("./compare_paint.js").Palettes} Palettes */
 /** @typedef {{x: number, y: number, width: number, height: number, pixels: number, above: number,
  *   mean: number | null, worst: number | null, peak: [number, number]}} Region */
-/** @typedef {{name: string, score: string, map: DataView, against: {fixed: number, broken: number}[],
- *   regions: Region[]}} SceneNetwork */
+/** @typedef {{name: string, score: string, map: DataView, residual: DataView,
+ *   against: {fixed: number | null, broken: number | null}[], regions: Region[]}} SceneNetwork */
 /** @typedef {{benchmark: string, protocol: string, pair: string, width: number, height: number,
- *   offset: number, step: number, cut: boolean[], limits: number[], threshold: number, left: DataView, truth: DataView,
- *   networks: SceneNetwork[]}} Scene */
+ *   offset: number, step: number, cut: boolean[], limits: number[], threshold: number, kind: "error" | "residual",
+ *   unit: string, missing: string, left: DataView, right: DataView, truth: DataView, networks: SceneNetwork[]}} Scene */
 
 export class Pictures {
   /**
@@ -33,27 +37,44 @@ export class Pictures {
   constructor(scene, palettes, loaded) {
     this.scene = scene;
     this.palettes = palettes;
+    this.labelled = scene.kind === "error";
     this.truth = codesOf(scene.truth);
     this.maps = scene.networks.map((network) => codesOf(network.map));
+    this.residuals = scene.networks.map(({ residual: { buffer, byteOffset, byteLength } }) => {
+      return new Uint8Array(buffer, byteOffset, byteLength);
+    });
     this.tables = {
       disparity: colourTable(palettes.disparity),
       error: colourTable(palettes.error),
       hatch: colourTable(palettes.hatch),
     };
-    this.errors = errorColours(scene.step, scene.threshold, palettes.errorSpan, this.tables.error);
+    const { threshold } = scene;
+    this.errors = this.labelled
+      ? errorColours(scene.step, threshold, palettes.errorSpan, this.tables.error)
+      : residualColours(threshold, palettes.errorSpan, this.tables.error);
     /** @type {Map<string, {look: string, canvas: HTMLCanvasElement}>} */
     this.painted = new Map();
     this.disparities = { look: "", colours: new Uint32Array(0) };
-    /** The left image; null until it is decoded.
-     * @type {HTMLCanvasElement | null} */
-    this.photograph = null;
+    /** The images; null until they are decoded, the right one where there is ground truth, too.
+     * @type {{left: HTMLCanvasElement | null, right: HTMLCanvasElement | null}} */
+    this.photographs = { left: null, right: null };
+    this.decode("left", loaded);
+    if (!this.labelled) this.decode("right", loaded);
+  }
+
+  /**
+   * @param {"left" | "right"} side
+   * @param {() => void} loaded
+   */
+  decode(side, loaded) {
+    const { width, height } = this.scene;
     const image = new Image();
-    const url = imageUrl(scene.left, "image/jpeg");
+    const url = imageUrl(this.scene[side], "image/jpeg");
     image.onload = () => {
       // A canvas, so that no frame decodes it again.
-      this.photograph = document.createElement("canvas");
-      Object.assign(this.photograph, { width: scene.width, height: scene.height });
-      this.photograph.getContext("2d")?.drawImage(image, 0, 0);
+      const canvas = element("canvas", { width, height });
+      canvas.getContext("2d")?.drawImage(image, 0, 0);
+      this.photographs[side] = canvas;
       URL.revokeObjectURL(url);
       loaded();
     };
@@ -82,10 +103,18 @@ export class Pictures {
     }
     if (kind === "error") {
       return this.picture(`network ${number}`, "error", (out) =>
-        paintError(out, codes, this.truth, this.errors),
+        this.labelled
+          ? paintError(out, codes, this.truth, this.errors)
+          : paintDisparity(out, this.residuals[number], this.errors),
       );
     }
     const { step, threshold } = this.scene;
+    if (!this.labelled) {
+      const [own, other] = [this.residuals[number], this.residuals[reference]];
+      return this.picture(`network ${number}`, `better ${reference}`, (out) =>
+        paintBetterMatch(out, own, other, this.palettes.advantageSpan * threshold, this.tables.error),
+      );
+    }
     const span = (this.palettes.advantageSpan * threshold) / step;
     const maps = { codes, reference: this.maps[reference], truth: this.truth };
     return this.picture(`network ${number}`, `better ${reference}`, (out) =>
@@ -94,7 +123,7 @@ export class Pictures {
   }
 
   /**
-   * What a reader learns of one pixel, in image pixels.
+   * What a reader learns of one pixel: disparities in image pixels, errors or residuals in the scene's unit.
    * @param {number} x
    * @param {number} y
    * @param {number} reference
@@ -102,15 +131,16 @@ export class Pictures {
   values(x, y, reference) {
     const at = y * this.scene.width + x;
     const { step } = this.scene;
-    const truth = this.truth[at];
-    const other = errorOf(this.maps[reference][at], truth, step);
+    const truth = this.labelled ? this.truth[at] : 0;
+    const errorAt = (/** @type {number} */ number) =>
+      this.labelled ? errorOf(this.maps[number][at], truth, step) : residualOf(this.residuals[number][at]);
     return {
       truth: disparityOf(truth, this.scene),
       networks: this.maps.map((map, number) => {
-        const error = errorOf(map[at], truth, step);
-        const disparity = disparityOf(map[at], this.scene);
-        const same = number === reference || (error === Infinity && other === Infinity);
-        return { disparity, cut: cutOff(map[at], this.scene), error, against: same ? 0 : error - other };
+        const error = errorAt(number);
+        const against = number === reference ? 0 : differenceOf(error, errorAt(reference));
+        const cut = cutOff(map[at], this.scene);
+        return { disparity: disparityOf(map[at], this.scene), cut, error, against };
       }),
     };
   }

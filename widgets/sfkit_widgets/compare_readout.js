@@ -14,11 +14,11 @@ import { element } from "./_shared.js";
  * @param {number} reference
  */
 export function fillValues(table, pictures, cursor, reference) {
-  const { networks } = pictures.scene;
+  const { networks, kind, unit } = pictures.scene;
   const found = cursor.length === 2 ? pictures.values(cursor[0], cursor[1], reference) : null;
   const where = found ? `x ${cursor[0]}, y ${cursor[1]}` : "point at a panel";
   const truth = found ? pixelText(found.truth) : "";
-  const heads = ["disparity", "error", `against ${networks[reference].name}`];
+  const heads = ["disparity (px)", `${kind} (${unit})`, `against ${networks[reference].name}`];
   const rows = networks.map(({ name }, number) => {
     const values = found?.networks[number];
     const cells = values
@@ -32,26 +32,20 @@ export function fillValues(table, pictures, cursor, reference) {
     );
   });
   table.replaceChildren(
-    element("caption", {}, `Values in px at the cursor: ${where}`),
+    element("caption", {}, `Values at the cursor: ${where}`),
     element(
       "thead",
       {},
       element("tr", {}, element("td"), ...heads.map((text) => element("th", { scope: "col" }, text))),
     ),
-    element(
-      "tbody",
-      {},
-      element(
-        "tr",
-        {},
-        element("th", { scope: "row" }, "ground truth"),
-        element("td", {}, truth),
-        element("td"),
-        element("td"),
-      ),
-      ...rows,
-    ),
+    element("tbody", {}, ...(pictures.labelled ? [truthRow(truth)] : []), ...rows),
   );
+}
+
+/** @param {string} truth */
+function truthRow(truth) {
+  const name = element("th", { scope: "row" }, "ground truth");
+  return element("tr", {}, name, element("td", {}, truth), element("td"), element("td"));
 }
 
 /** @param {{disparity: number, cut: string}} values */
@@ -72,10 +66,11 @@ function errorText({ error, cut }) {
  */
 export function valuesText(pictures, cursor, reference) {
   const { truth, networks } = pictures.values(cursor[0], cursor[1], reference);
+  const { kind, unit } = pictures.scene;
   const said = networks.map((values, number) => {
     const { name } = pictures.scene.networks[number];
     if (!Number.isFinite(values.error)) return `${name} ${disparityText(values)}`;
-    return `${name} ${disparityText(values)} px, error ${errorText(values)} px`;
+    return `${name} ${disparityText(values)} px, ${kind} ${errorText(values)} ${unit}`;
   });
   const known = Number.isNaN(truth) ? "no ground truth" : `ground truth ${pixelText(truth)} px`;
   return `x ${cursor[0]}, y ${cursor[1]}: ${known}; ${said.join("; ")}`;
@@ -137,7 +132,7 @@ export function colourBars(pictures, shown, limits) {
     }));
     bars.push(
       colourBar({
-        label: `error (px), threshold ${shortNumber(scene.threshold)}`,
+        label: `${scene.kind} (${scene.unit}), threshold ${shortNumber(scene.threshold)}`,
         table: tables.error,
         ticks: ends(ticks),
         mark: 0.5,
@@ -148,7 +143,7 @@ export function colourBars(pictures, shown, limits) {
     const reach = palettes.advantageSpan * scene.threshold;
     bars.push(
       colourBar({
-        label: "error less that of A (px), blue: better",
+        label: `${scene.kind} less that of A (${scene.unit}), blue: better`,
         table: tables.error,
         ticks: ends(even(-reach, reach)),
         mark: 0.5,
@@ -174,9 +169,10 @@ export function shortNumber(value) {
 /**
  * What a region's button says.
  * @param {Region} region
+ * @param {string} unit of its errors
  */
-export function regionText({ pixels, above, mean, worst }) {
-  const size = `${pixels} px beyond ${shortNumber(above)}`;
+export function regionText({ pixels, above, mean, worst }, unit) {
+  const size = `${pixels} px beyond ${shortNumber(above)} ${unit}`;
   if (worst === null || mean === null) return `${size}, not finite`;
   return `${size}: mean ${pixelText(mean)}, worst ${pixelText(worst)}`;
 }
@@ -186,13 +182,14 @@ export function regionText({ pixels, above, mean, worst }) {
  * @param {HTMLElement} list
  * @param {Region[]} regions
  * @param {number} pressed
+ * @param {string} unit of their errors
  */
-export function fillRegions(list, regions, pressed) {
+export function fillRegions(list, regions, pressed, unit) {
   const buttons = regions.map((region, i) =>
     element(
       "button",
       { type: "button", "data-number": i, "aria-pressed": String(i === pressed) },
-      regionText(region),
+      regionText(region, unit),
     ),
   );
   const focused = list.contains(document.activeElement);

@@ -175,7 +175,7 @@ class Compare {
     this.region = { of: name, number };
     const camera = cameraOn(region, this.pictures.scene);
     this.look.set({ camera, cursor: region.peak });
-    this.view.announce(`Region ${number + 1} of ${regions.length}: ${regionText(region)}`);
+    this.view.announce(`Region ${number + 1} of ${regions.length}: ${regionText(region, this.pictures.scene.unit)}`);
   }
 
   say() {
@@ -215,7 +215,7 @@ class Compare {
     );
     this.once("regions", [second, this.region.number], () => {
       const { regions } = scene.networks[second];
-      fillRegions(this.parts.regions, regions, this.region.number);
+      fillRegions(this.parts.regions, regions, this.region.number, scene.unit);
       this.parts.none.textContent = regions.length ? "" : "No region of 8 or more bad pixels.";
     });
   }
@@ -279,6 +279,7 @@ class Compare {
     parts.pair.update(this.model.get("pairs"), this.pictures.scene.pair);
     parts.arrangement.update(arrangement);
     parts.shown.update(shown);
+    parts.shown.rename("error", this.pictures.scene.kind);
     parts.first.update(this.names(), first);
     parts.second.update(this.names(), second);
     parts.listed.update(this.names(), second);

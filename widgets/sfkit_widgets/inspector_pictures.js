@@ -72,17 +72,17 @@ export class Picture {
   }
 }
 
-/**
- * A colour key.
- * @param {string} name
- */
-export function legend(name) {
+/** A colour key; its last tick says the unit. */
+export function legend() {
   const bar = element("div", { class: "legend-bar" });
   const ticks = element("div", { class: "legend-ticks" });
   return {
     key: element("div", { class: "legend", role: "img" }, bar, ticks),
-    /** @param {{stops: string[], ticks: string[]}} legend */
-    show({ stops, ticks: words }) {
+    /**
+     * @param {{stops: string[], ticks: string[]}} legend
+     * @param {string} name
+     */
+    show({ stops, ticks: words }, name) {
       bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
       ticks.replaceChildren(...words.map((word) => element("span", {}, word)));
       bar.parentElement?.setAttribute("aria-label", `${name}: ${words.join(", ")}`);
@@ -100,7 +100,7 @@ export function pictures(view, model) {
   const [left, truth, disparity, error] = ["left image", "ground truth", "disparity", "error"].map(
     (caption) => new Picture(caption, size),
   );
-  const keys = { disparity: legend("disparity in pixels"), error: legend("error in pixels") };
+  const keys = { disparity: legend(), error: legend() };
   disparity.figure.append(keys.disparity.key);
   error.figure.append(keys.error.key);
   const choose = element("select", { "aria-label": "Image pair" });
@@ -109,13 +109,13 @@ export function pictures(view, model) {
     signal: view.signal,
   });
   const shows = new Shown(view, model, disparity, error);
-  view.watch(["pair", "left_picture", "truth_picture", "legends", "size"], () => {
+  view.watch(["pair", "left_picture", "truth_picture", "captions", "legends", "size"], () => {
     choose.value = model.get("pair");
     for (const picture of [left, truth, disparity, error]) picture.resize(model.get("size"));
     left.show(model.get("left_picture"), "left image");
-    truth.show(model.get("truth_picture"), "ground truth");
-    keys.disparity.show(model.get("legends").disparity);
-    keys.error.show(model.get("legends").error);
+    truth.show(model.get("truth_picture"), model.get("captions").truth);
+    keys.disparity.show(model.get("legends").disparity, "disparity");
+    keys.error.show(model.get("legends").error, model.get("captions").error);
   });
   view.signal.addEventListener("abort", () => {
     for (const picture of [left, truth, disparity, error]) picture.free();
@@ -197,7 +197,7 @@ class Shown {
     const drawing = (this.drawing += 1);
     Promise.all([
       this.disparity.show(picture("disparity"), `disparity${of}${size}`),
-      this.error.show(picture("error"), `error${of}${size}`),
+      this.error.show(picture("error"), `${this.model.get("captions").error}${of}${size}`),
     ]).then(() => {
       if (drawing === this.drawing) this.view.root.dataset.painted = sent;
     });

@@ -16,7 +16,10 @@ import {
   errorOf,
   errorPosition,
   paintBetter,
+  paintBetterMatch,
   pixelText,
+  residualColours,
+  residualOf,
   tableIndex,
 } from "../../../widgets/sfkit_widgets/compare_paint.js";
 import { regionText, shortNumber } from "../../../widgets/sfkit_widgets/compare_readout.js";
@@ -69,6 +72,18 @@ test("better is the first colour, worse the last, broken both ways the middle", 
   assert.deepEqual([...out], [1, 256, 0, 129, 256]);
 });
 
+test("residuals have colours of their own, none where there is no match", () => {
+  assert.deepEqual([0, 25, 250].map(residualOf), [0, 10, 100]);
+  assert.ok(Number.isNaN(residualOf(255)));
+  assert.equal(residualOf(254), Infinity);
+  const table = Uint32Array.from({ length: 256 }, (_, i) => i + 1);
+  const colours = residualColours(10, 3, table);
+  assert.deepEqual([0, 25, 200, 254, 255].map((code) => colours[code]), [1, 129, 256, 256, 0]);
+  const out = new Uint32Array(4);
+  paintBetterMatch(out, Uint8Array.of(0, 254, 50, 255), Uint8Array.of(50, 254, 0, 0), 20, table);
+  assert.deepEqual([...out], [1, 129, 256, 0]);
+});
+
 test("numbers say what they are", () => {
   assert.equal(pixelText(-0.456, true), "−0.46");
   assert.equal(pixelText(0.456, true), "+0.46");
@@ -81,7 +96,7 @@ test("numbers say what they are", () => {
 
 test("a region that is not finite says so", () => {
   const region = { x: 0, y: 0, width: 1, height: 1, pixels: 9, above: 3, mean: null, worst: null, peak: [0, 0] };
-  assert.equal(regionText(region), "9 px beyond 3, not finite");
+  assert.equal(regionText(region, "px"), "9 px beyond 3 px, not finite");
 });
 
 test("the view stays inside the image", () => {
