@@ -267,7 +267,7 @@ def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
     opened = shown()
     (button,) = opened.root.locator("ol button").all()
     mean = (95 * 5 + 7) / 96
-    assert button.inner_text() == f"96 px beyond 1: mean {mean:.2f}, worst 7.00"
+    assert button.inner_text() == f"96 px beyond 1 px: mean {mean:.2f}, worst 7.00"
     button.click()
     # 48 / 12 and 24 / 8 leave room for a zoom of 3 / 2.5; the centre as near (36, 10) as the edges let it.
     assert_told(opened, cursor=[35, 10], camera=pytest.approx({"x": 28, "y": 10, "zoom": 1.2}))
