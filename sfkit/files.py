@@ -65,6 +65,21 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = True) -> Path:
     return path
 
 
+Signature = tuple[int, int, int, int]
+
+
+def signature(path: Path) -> Signature:
+    """What a file looks like without being read: size, times of its last write and last change, and inode.
+
+    The time of change cannot be set back: a copy that keeps the time of writing (``cp -p``) shows.
+
+    Raises:
+        OSError: there is no such file.
+    """
+    stat = path.stat()
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
 def unwritable(folder: Path) -> Path | None:
     """What keeps ``folder`` from being made or written to; None where nothing does.
 

@@ -28,6 +28,7 @@ from torch import nn
 from sfkit.architectures import code
 from sfkit.architectures.calling import PLAIN, Calling
 from sfkit.architectures.code import Code
+from sfkit.architectures.identity import code_identity
 from sfkit.architectures.inputs import InputConvention
 from sfkit.errors import InputError, unknown_name
 
@@ -56,7 +57,9 @@ class Architecture:
         beside: a checkpoint's path -> options that a configuration file beside it gives.
         matching: network, left, right -> its distributions over disparities or residuals, one a stage, each
             (B, D, h, w) and summing to 1 over D; None where it has none.
-        version: changes whenever the network's output changes; part of every evaluation's key.
+        said: the version its author states; where there is none, ``identity`` stands for it.
+        identity: the digest of its code as it is now in memory.
+        additions: what else belongs to its version: how it is called, and the file that registered it.
         code: the user's file that registered it, None for what is imported by name.
         checkout: options -> digest of the user's checkout that it is built from; part of every key.
         places: options that name folders: they say where, not what, and are no part of keys.
@@ -67,7 +70,9 @@ class Architecture:
     blocks: Callable[[Options], Blocks]
     inputs: Callable[[Options], InputConvention]
     defaults: Options
-    version: str
+    said: str | None
+    identity: Callable[[], str]
+    additions: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
     constants: tuple[str, ...] = ()
     dead: tuple[str, ...] = ()
@@ -79,6 +84,11 @@ class Architecture:
     code: Code | None = None
     checkout: Callable[[Options], str] | None = None
     places: tuple[str, ...] = ()
+
+    @property
+    def version(self) -> str:
+        """Changes whenever the network's output changes; part of every evaluation's key."""
+        return "+".join((self.identity() if self.said is None else self.said, *self.additions))
 
     def version_of(self, options: Options) -> str:
         """The version, with the state of the checkout it is built from, if it is."""
@@ -141,21 +151,25 @@ def register_architecture(
     """Register an ``nn.Module`` class, or a function that builds one, under ``name``.
 
     Its keyword arguments become the architecture's options (all need defaults). Registering a name
-    again replaces the entry, so a notebook cell can be run twice. Without ``version`` the digest of
-    the decorated source is the version: an edited cell never meets the scores of its former self.
+    again replaces the entry, so a notebook cell can be run twice. Without ``version`` the version is a
+    digest of the code that the network reaches (:mod:`sfkit.architectures.identity`): an edited cell, helper,
+    base or class attribute never meets the scores of its former self.
 
     A network that is called otherwise than ``forward(left, right)``, or returns something else than a
     disparity in pixels, is described by ``call``, ``keywords``, ``output`` and ``resolution``: the four of
     :class:`~sfkit.architectures.calling.Calling`.
 
     Raises:
-        InputError: an option has no default, the source cannot be read, or a word is unknown.
+        InputError: an option has no default, a word is unknown, or the code reaches something whose state
+            cannot be told and no ``version`` is given.
     """
     steps = (output,) if isinstance(output, str) else tuple(output)
     further = keywords if callable(keywords) else None
     calling = Calling(call, {} if callable(keywords) else dict(keywords or {}), steps, resolution)
 
     def decorate(builder: Builder) -> Builder:
+        if version is None:
+            code_identity(name, builder, further)  # refused here rather than when a pool is opened
         convention = InputConvention() if inputs is None else inputs
         _REGISTRY[name] = Architecture(
             name=name,
@@ -163,7 +177,9 @@ def register_architecture(
             blocks=blocks if callable(blocks) else lambda _options: blocks,
             inputs=convention if callable(convention) else lambda _options: convention,
             defaults=_defaults(name, builder),
-            version=_version(name, builder, version, calling),
+            said=version,
+            identity=functools.partial(code_identity, name, builder, further),
+            additions=() if calling == PLAIN else (_digest(repr(calling)),),
             optional=tuple(optional),
             constants=tuple(constants),
             dead=tuple(dead),
@@ -232,7 +248,7 @@ def _claim(ran: Code, before: Mapping[str, Architecture]) -> None:
 
 
 def _marked(entry: Architecture, ran: Code) -> Architecture:
-    return replace(entry, code=ran, version=f"{entry.version}+{ran.identity}")
+    return replace(entry, code=ran, additions=(*entry.additions, ran.identity))
 
 
 def entry_for(name: str, module: Path | None = None, near: Path | None = None) -> Architecture:
@@ -328,16 +344,8 @@ def _adapted(
     return build
 
 
-def _version(
-    name: str,
-    builder: Callable[..., nn.Module],
-    given: str | None,
-    calling: Calling,
-) -> str:
-    version = given if given is not None else _source_digest(name, builder)
-    if calling == PLAIN:
-        return version
-    return f"{version}+{hashlib.sha256(repr(calling).encode()).hexdigest()[:8]}"
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
 def _defaults(name: str, builder: Callable[..., nn.Module]) -> dict[str, Any]:
@@ -356,28 +364,3 @@ def named(builder: Callable[..., nn.Module]) -> Callable[..., nn.Module]:
     while isinstance(builder, functools.partial):
         builder = builder.func
     return builder
-
-
-def _source_digest(name: str, builder: Callable[..., nn.Module]) -> str:
-    given = ""
-    while isinstance(builder, functools.partial):
-        given += f"{builder.args!r}{sorted(builder.keywords.items())!r}"
-        builder = builder.func
-    try:
-        source = _source(builder) + given
-    except (OSError, TypeError) as error:
-        raise InputError(
-            f"architecture {name!r}: the source of {builder.__name__} cannot be read ({error}), "
-            "pass version='1' and change it whenever the network's output changes"
-        ) from error
-    return hashlib.sha256(source.encode()).hexdigest()[:16]
-
-
-def _source(builder: Callable[..., nn.Module]) -> str:
-    """The builder's source; of a class in a notebook cell, which has no file, that of its methods."""
-    if not inspect.isclass(builder) or builder.__module__ != "__main__":
-        return inspect.getsource(builder)
-    methods = [value for value in vars(builder).values() if inspect.isfunction(value)]
-    if not methods:
-        raise OSError("it has no methods of its own")
-    return "\n".join(inspect.getsource(method) for method in methods)

@@ -11,7 +11,7 @@ import pickle
 import re
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -20,6 +20,7 @@ from safetensors import SafetensorError, safe_open
 from sfkit.checkpoints.inert import load_inert
 from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
 from sfkit.errors import InputError, nearest
+from sfkit.files import Signature, signature
 
 TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
 SUFFIXES = (".safetensors", *TORCH_SUFFIXES)
@@ -38,6 +39,7 @@ class CheckpointFile:
         layout: how the file wraps its tensors.
         metadata: the text entries of a safetensors header (how sfkit made it, if it did).
         mapped: whether the tensors are pages of the file rather than copies in memory.
+        signatures: what each file it was read from looked like then (:func:`sfkit.files.signature`).
     """
 
     path: Path
@@ -45,6 +47,7 @@ class CheckpointFile:
     layout: Layout
     metadata: Mapping[str, str] = field(default_factory=dict)
     mapped: bool = True
+    signatures: Mapping[Path, Signature] = field(default_factory=dict)
 
 
 def is_checkpoint_name(path: Path) -> bool:
@@ -67,12 +70,13 @@ def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> Check
     path, wrapping = Path(path), wrapping or Wrapping()
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a checkpoint{_nearest_file(path)}")
+    looks = {path: signature(path)}  # before it is read: whatever is written meanwhile shows later
     if path.name.endswith(INDEX):
-        return _read_shards(path)
+        return _read_shards(path, looks)
     if path.suffix.lower() == ".safetensors":
-        return _read_safetensors(path)
+        return replace(_read_safetensors(path), signatures=looks)
     if path.suffix.lower() in TORCH_SUFFIXES:
-        return _read_torch(path, wrapping)
+        return replace(_read_torch(path, wrapping), signatures=looks)
     raise InputError(
         f"{path}: found the ending {path.suffix!r}, expected one of {', '.join((*SUFFIXES, INDEX))}"
     )
@@ -103,7 +107,7 @@ def _safe_tensors(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, str]]:
     return found, metadata
 
 
-def _read_shards(path: Path) -> CheckpointFile:
+def _read_shards(path: Path, looks: dict[Path, Signature]) -> CheckpointFile:
     """The tensors of all files an index names, which lie beside it."""
     places = _index(path)
     found: dict[str, torch.Tensor] = {}
@@ -113,6 +117,7 @@ def _read_shards(path: Path) -> CheckpointFile:
         shard = path.with_name(name)
         if not shard.is_file():
             raise InputError(f"{path}: names {name}, which is not there, expected every part of the network")
+        looks[shard] = signature(shard)
         tensors, _ = _safe_tensors(shard)
         twice = next((key for key in tensors if key in found), None)
         if twice is not None:
@@ -125,7 +130,7 @@ def _read_shards(path: Path) -> CheckpointFile:
         )
     prefix = common_prefix(found)
     tensors = {key[len(prefix) :]: tensor for key, tensor in found.items()}
-    return CheckpointFile(path, tensors, Layout(None, prefix))
+    return CheckpointFile(path, tensors, Layout(None, prefix), signatures=looks)
 
 
 def _index(path: Path) -> dict[str, str]:

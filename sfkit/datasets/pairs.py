@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Protocol
@@ -59,6 +59,11 @@ class Sample:
     def size(self) -> tuple[int, int]:
         """Height and width in pixels."""
         return self.disparity.shape[0], self.disparity.shape[1]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """The arrays it has, by name: images, ground truth, and the mask where there is one."""
+        names = ("left", "right", "disparity", "nonoccluded")
+        return {name: array for name in names if (array := getattr(self, name)) is not None}
 
     def _expect(self, what: str, array: NDArray[Any], shape: tuple[int, ...], dtype: type) -> None:
         if array.shape != shape or array.dtype != dtype:
@@ -119,12 +124,22 @@ class StereoPair:
 class MemoryPair:
     """A pair held in memory, such as a rendered one.
 
-    ``digest`` may name the content, for pairs that are drawn from a seed; without it the arrays are hashed.
+    ``digest`` may name the content, for pairs that are drawn from a seed, whose arrays are made read-only;
+    without it the arrays are hashed.
     """
 
     id: str
     sample: Sample
     digest: str = ""
+
+    def __post_init__(self) -> None:
+        for array in self.sample.arrays().values() if self.digest else ():
+            array.flags.writeable = False  # an edit would go under the name of what was drawn
+
+    def frozen(self) -> MemoryPair:
+        """The same with arrays of its own, which an edit of the caller's does not reach."""
+        copies = {name: array.copy() for name, array in self.sample.arrays().items()}
+        return MemoryPair(self.id, replace(self.sample, **copies), self.digest)
 
     def load(self) -> Sample:
         """The sample itself; callers do not write into it."""
@@ -134,15 +149,9 @@ class MemoryPair:
         """SHA-256 (hex) of the id and of ``digest``, or of the arrays."""
         digest = hashlib.sha256(f"{self.id}\0{self.digest}".encode())
         if not self.digest:
-            for array in (
-                self.sample.left,
-                self.sample.right,
-                self.sample.disparity,
-                self.sample.nonoccluded,
-            ):
-                if array is not None:
-                    digest.update(f"\0{array.dtype.str}{array.shape}\0".encode())
-                    digest.update(np.ascontiguousarray(array).tobytes())
+            for array in self.sample.arrays().values():
+                digest.update(f"\0{array.dtype.str}{array.shape}\0".encode())
+                digest.update(np.ascontiguousarray(array).tobytes())
         return digest.hexdigest()
 
 

@@ -72,9 +72,10 @@ class Compute:
         """A network of this process under a recipe, the pool's base unless given; no engine takes part.
 
         Raises:
-            InputError: the device is not there.
+            InputError: the device is not there, or a file of the pool has changed.
         """
         check_device(self.device)
+        pool.ensure_unchanged()
         return LiveModel(pool, recipe, device=self.device, mode=self.mode)
 
 

@@ -84,7 +84,7 @@ class Evaluator:
         self.frame: dict[str, Any] = {
             "base": pool.base.fingerprint,
             "architecture": pool.describe(),
-            "benchmark": benchmark.fingerprint(),
+            "benchmark": self.prepared.fingerprint,
             "protocol": benchmark.protocol,
             "family": benchmark.family,
             "resolution": benchmark.resolution,
@@ -179,8 +179,11 @@ class Evaluator:
                 for those in the store, then after each that was computed.
 
         Raises:
-            InputError: a recipe does not suit the pool.
+            InputError: a recipe does not suit the pool, or the network's code or a file of the pool has
+                changed since this was made.
         """
+        self._ensure_same_code()
+        self.pool.ensure_unchanged()
         if isinstance(recipes, Recipe):
             raise InputError("evaluate: found one recipe, expected a list of them: evaluate([recipe])")
         descriptions = [self.describe(recipe) for recipe in recipes]
@@ -218,6 +221,14 @@ class Evaluator:
             score, evaluation.seconds, evaluation.cached, evaluation.failure, evaluation.key, parts
         )
 
+    def _ensure_same_code(self) -> None:
+        if self.pool.describe() != self.frame["architecture"]:
+            raise InputError(
+                f"architecture {self.pool.architecture.name!r}: its code has changed since this evaluator "
+                "was made, whose network is that of before: open the pool and make the evaluator again (or "
+                "pass version= to register_architecture where the change does not matter)"
+            )
+
     def _elsewhere(self, pool: Pool, store: EvaluationStore) -> Evaluator:
         other = copy.copy(self)
         other.pool, other.store, other.counts = pool, store, EvaluatorCounts()
@@ -230,6 +241,7 @@ class Evaluator:
         return Part(guiding, rest)
 
     def _record(self, key: str, description: dict[str, Any], result: Result) -> Evaluation:
+        self.pool.ensure_unchanged()  # what was computed meanwhile belongs to nobody knows which file
         fresh = Evaluation(key, description, result.images, result.failure, result.seconds)
         held = self.store.put(fresh)
         self.counts.computed += 1

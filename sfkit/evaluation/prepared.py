@@ -14,7 +14,7 @@ from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.check import is_labelled
 from sfkit.datasets.metric import Count, Mask, Metric
-from sfkit.datasets.pairs import Pair, Sample, StereoPair
+from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
 from sfkit.errors import InputError
 from sfkit.evaluation.metrics import ImageErrors, Quantities, count_errors
 from sfkit.evaluation.regions import Regions, regions_of
@@ -36,15 +36,19 @@ class PreparedBenchmark:
     Attributes:
         samples: the loaded pairs, in the benchmark's order.
         valid: of each pair, the mask (H, W) of the pixels that count.
+        fingerprint: of the benchmark's content as it was read.
     """
 
     def __init__(self, benchmark: Benchmark, inputs: InputConvention, quantities: Quantities) -> None:
-        self.benchmark = benchmark
+        own = (pair.frozen() if isinstance(pair, MemoryPair) else pair for pair in benchmark.pairs)
+        self.benchmark = benchmark = replace(benchmark, pairs=tuple(own))
+        self.fingerprint = benchmark.fingerprint()
         self.inputs = inputs
         self.quantities = quantities
         checked = [self._checked(pair) for pair in benchmark.pairs]
         self.samples: tuple[Sample, ...] = tuple(sample for sample, _ in checked)
         self.valid: tuple[Mask, ...] = tuple(mask for _, mask in checked)
+        self.ensure_unchanged()
         total = sum(8 * 3 * sample.left.shape[0] * sample.left.shape[1] for sample in self.samples)
         self._keep = total <= KEEP_BYTES
         self._kept: dict[int, PreparedPair] = {}
@@ -58,6 +62,18 @@ class PreparedBenchmark:
     def __iter__(self) -> Iterator[tuple[Sample, PreparedPair]]:
         for number, sample in enumerate(self.samples):
             yield sample, self.pair(number)
+
+    def ensure_unchanged(self) -> None:
+        """Refuse files that are not what was read when this was made.
+
+        Raises:
+            InputError: a pair's file has changed.
+        """
+        if self.benchmark.fingerprint() != self.fingerprint:
+            raise InputError(
+                f"benchmark {self.benchmark.name!r}: a file of its pairs has changed since it was read, "
+                "expected files that stay as they are: make the evaluator again"
+            )
 
     def pair(self, number: int) -> PreparedPair:
         """The network's input for one pair."""

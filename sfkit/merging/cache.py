@@ -1,12 +1,14 @@
 """Cached task vectors: a big pool is read once, and opened again without reading its files.
 
 Task vectors above ``MAPPED_ABOVE`` bytes are kept as raw float32 files, named by the content they were
-made from. A file counts as unchanged while its size and modification time are what they were when it
-was read. The folder is ``SFKIT_CACHE``, or the user's cache folder; ``sfkit cache`` shows and clears it.
+made from. A file counts as unchanged while size, times and inode are what they were when it was read; a
+vector whose own file looks otherwise than when it was written must have the checksum of then. The folder
+is ``SFKIT_CACHE``, or the user's cache folder; ``sfkit cache`` shows and clears it.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -20,8 +22,9 @@ import platformdirs
 import torch
 
 from sfkit.checkpoints.fingerprints import text_digest
+from sfkit.checkpoints.reading import CheckpointFile
 from sfkit.errors import InputError
-from sfkit.files import write_text, writing
+from sfkit.files import signature, write_text, writing
 
 LIMIT = 40 << 30  # bytes; the task vectors used longest ago go first
 RECORDS = 1000  # checkpoints to remember, some 40 kB each; those read longest ago go first
@@ -38,7 +41,7 @@ class FileRecord:
 
 @dataclass(frozen=True)
 class VectorRecord:
-    """A cached task vector's description, beside its values.
+    """A cached task vector's description, beside its values and their checksum.
 
     Attributes:
         cosine: of source to base; see :class:`~sfkit.checkpoints.checks.Kinship`.
@@ -73,25 +76,31 @@ class VectorCache:
         self.folder = folder or default_folder()
         self.limit = limit
 
-    def file(self, path: Path, architecture: str) -> FileRecord | None:
+    def file(self, file: CheckpointFile, architecture: str) -> FileRecord | None:
         """What is known of a checkpoint, read as one architecture names its keys, if it has not changed."""
-        values = _read(self._file(path, architecture))
-        if values is None or values.get("signature") != _signature(path):
+        values = _read(self._file(file.path, architecture))
+        if values is None or values.get("signature") != _looks(file):
             return None
         return FileRecord(values["fingerprint"], values["digests"])
 
-    def remember(self, path: Path, architecture: str, record: FileRecord) -> None:
+    def remember(self, file: CheckpointFile, architecture: str, record: FileRecord) -> None:
         """Keep what reading a checkpoint has told."""
-        values = {"path": str(path), "signature": _signature(path), **asdict(record)}
-        _write(self._file(path, architecture), values)
+        values = {"path": str(file.path), "signature": _looks(file), **asdict(record)}
+        _write(self._file(file.path, architecture), values)
 
     def vector(self, key: str) -> tuple[VectorRecord, torch.Tensor] | None:
-        """A cached task vector, mapped; None where there is none."""
-        values, target = _read(self._vector(key, ".json")), self._vector(key, ".f32")
+        """A cached task vector, mapped; None where there is none, or another than was written."""
+        place, target = self._vector(key, ".json"), self._vector(key, ".f32")
+        values = _read(place)
         if values is None or not target.is_file():
             return None
+        looks = list(signature(target))
+        if values.get("looks") != looks:
+            if "digest" not in values or values["digest"] != _checksum(target):
+                return None
+            _write(place, {**values, "looks": looks})
         record = VectorRecord(values["cosine"], values["distance"], values["source"])
-        os.utime(target)  # used now: trimming spares it
+        os.utime(place)  # used now: trimming spares it
         return record, map_file(target, target.stat().st_size // 4, writable=False)
 
     @contextmanager
@@ -109,15 +118,19 @@ class VectorCache:
 
     def describe(self, key: str, record: VectorRecord) -> None:
         """Write a filled buffer's description, which makes it known; then keep to the limit."""
-        _write(self._vector(key, ".json"), asdict(record))
+        target = self._vector(key, ".f32")
+        told = {"looks": list(signature(target)), "digest": _checksum(target)}
+        _write(self._vector(key, ".json"), {**asdict(record), **told})
         self.trim(spare=key)
 
     def entries(self) -> list[CacheEntry]:
         """All cached task vectors, the one used last first."""
         found = []
         for path, stat in _files(self._folder("vectors"), "*.f32"):
-            values = _read(path.with_suffix(".json")) or {}
-            found.append(CacheEntry(path.stem, str(values.get("source", "")), stat.st_size, stat.st_mtime))
+            told = path.with_suffix(".json")
+            values = _read(told) or {}
+            used = told.stat().st_mtime if told.is_file() else stat.st_mtime
+            found.append(CacheEntry(path.stem, str(values.get("source", "")), stat.st_size, used))
         return sorted(found, key=lambda entry: -entry.used)
 
     def trim(self, *, spare: str = "") -> None:
@@ -198,9 +211,13 @@ def map_file(path: Path, elements: int, *, writable: bool = True) -> torch.Tenso
     return torch.from_file(str(path), shared=writable, size=elements, dtype=torch.float32)
 
 
-def _signature(path: Path) -> list[int]:
-    stat = path.stat()
-    return [stat.st_size, stat.st_mtime_ns, stat.st_ino]
+def _looks(file: CheckpointFile) -> list[list[int]]:
+    return [list(look) for _, look in sorted(file.signatures.items())]
+
+
+def _checksum(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _files(folder: Path, pattern: str) -> Iterator[tuple[Path, os.stat_result]]:

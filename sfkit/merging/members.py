@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -23,6 +23,7 @@ from sfkit.checkpoints.prefixes import network_prefix
 from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, SfkitError
+from sfkit.files import Signature
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.buffers import MAPPED_ABOVE, allocate
 from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord, vector_key
@@ -46,6 +47,7 @@ class Checked:
         absent: keys of optional tensors it lacks.
         kinship: how near it lies to the base.
         thawed: keys it changed although the architecture calls them frozen.
+        signatures: what each file it was read from looked like then.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Checked:
     absent: tuple[str, ...] = ()
     kinship: Kinship = ITSELF
     thawed: tuple[str, ...] = ()
+    signatures: Mapping[Path, Signature] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,7 @@ class PoolOpener:
 
         A file the cache knows is not read.
         """
-        known = self.cache.file(file.path, self.architecture.name) if self.cache else None
+        known = self.cache.file(file, self.architecture.name) if self.cache else None
         if known is not None:
             return known
         digests = {}
@@ -170,7 +173,7 @@ class PoolOpener:
         self._check_aliases(file.path, digests)
         record = FileRecord(fingerprint(digests), digests)
         if self.cache is not None:
-            self.cache.remember(file.path, self.architecture.name, record)
+            self.cache.remember(file, self.architecture.name, record)
         return record
 
     def _check_aliases(self, path: Path, digests: Mapping[str, str]) -> None:
@@ -255,7 +258,15 @@ def _checked(
     kinship: Kinship = ITSELF,
 ) -> Checked:
     return Checked(
-        member.name, member.path, identity, member.licence, member.note, file.layout, absent, kinship
+        member.name,
+        member.path,
+        identity,
+        member.licence,
+        member.note,
+        file.layout,
+        absent,
+        kinship,
+        signatures=file.signatures,
     )
 
 

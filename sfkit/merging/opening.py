@@ -81,6 +81,7 @@ def open_pool(
     pool = Pool(
         spec, entry, options, partition, tuple(specs), base, base_file.tensors, tuple(sources), vectors
     )
+    pool.ensure_unchanged()  # nothing was written while it was read
     for doubt in pool.warnings:
         warnings.warn(doubt, SfkitWarning, stacklevel=2)
     if automatic is not None:

@@ -19,9 +19,10 @@ from sfkit.errors import InputError, unknown_name
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.live import LiveModel
-from sfkit.merging.members import Checked
+from sfkit.merging.members import Checked, PoolOpener
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.steps import Step, describe
+from sfkit.merging.unchanged import ensure_unchanged
 from sfkit.merging.vectors import TaskVectors
 
 
@@ -125,6 +126,17 @@ class Pool:
         """The base itself."""
         return Recipe.base(self.blocks)
 
+    def ensure_unchanged(self) -> None:
+        """Refuse to go on where a file is no longer what this pool was opened from.
+
+        Raises:
+            InputError: names the file.
+        """
+        read = {m.path: m for members in self.origins.values() for m in members}
+        wrappings = {m.name: m.wrapping for m in (self.spec.base, *self.spec.sources)}
+        opener = PoolOpener(self.architecture, self.options, self.specs)
+        ensure_unchanged((self.base, *read.values()), opener, wrappings, self.name)
+
     def build(self) -> nn.Module:
         """A network of this architecture, its values not those of any member."""
         return self.architecture.build(**self.options)
@@ -143,7 +155,12 @@ class Pool:
         return replace(self, spec=spec, partition=partition, task_vectors=self.task_vectors.parted(partition))
 
     def merge(self, recipe: Recipe, *, device: str = "cpu") -> LiveModel:
-        """The network a recipe describes, live: it takes on other recipes in place."""
+        """The network a recipe describes, live: it takes on other recipes in place.
+
+        Raises:
+            InputError: the recipe does not suit the pool, or a file of the pool has changed.
+        """
+        self.ensure_unchanged()
         return LiveModel(self, recipe, device=device)
 
     def merge_into(self, recipe: Recipe, out: torch.Tensor) -> torch.Tensor:
@@ -207,15 +224,20 @@ class Pool:
         return recipe.canonical(self.identity, self.partition.fingerprint())
 
     def state_dict(self, recipe: Recipe) -> dict[str, torch.Tensor]:
-        """The merged network's tensors by its keys: in dtype and set of keys what the base's file has.
+        """The merged network's tensors by its keys, of which it has those that the base's file has.
 
-        A tensor with several keys stands under each, whichever of them the file has. Tensors that no source
-        changed are those of the file: do not write to them.
+        Each has the data type it has there where that holds the merged values, which were scored in float32,
+        to the last bit; else it is float32. A tensor with several keys stands under each, whichever of them
+        the file has. Tensors that no source changed are those of the file: do not write to them.
+
+        Raises:
+            InputError: the recipe does not suit the pool, or a file of the pool has changed.
         """
+        self.ensure_unchanged()
         merged = self.layout.views(self.merge_into(recipe, torch.empty(self.layout.size)))
         held = {name for spec in self.specs for name in (spec.key, *spec.aliases)}
         return {
-            key: merged[key].to(tensor.dtype) if key in merged else tensor
+            key: _as_precise(merged[key], tensor.dtype) if key in merged else tensor
             for key, tensor in self.base_tensors.items()
             if key in held or not self.architecture.is_optional(key)
         }
@@ -251,6 +273,11 @@ class Pool:
             f"Pool({self.name!r}: {self.architecture.name}, base + {len(self.sources)} sources "
             f"({', '.join(self.names)}), {len(self.blocks)} blocks, {self.layout.size:,} changed parameters)"
         )
+
+
+def _as_precise(merged: torch.Tensor, dtype: torch.dtype) -> torch.Tensor:
+    cast = merged.to(dtype)
+    return cast if torch.equal(cast.to(merged.dtype), merged) else merged
 
 
 def _doubts(pool: Pool) -> Iterable[str]:

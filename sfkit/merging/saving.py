@@ -86,12 +86,17 @@ def save_merged(
     ``NAME.recipe.json``.
 
     Raises:
-        InputError: the recipe does not suit the pool, or the target is refused
-            (:func:`~sfkit.checkpoints.writing.check_target`).
+        InputError: the recipe does not suit the pool, a file of the pool has changed, or the target is
+            refused (:func:`~sfkit.checkpoints.writing.check_target`).
     """
     metadata = origin_metadata(pool, recipe)
     state, layout = pool.state_dict(recipe), pool.base.layout
     written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
+    try:
+        pool.ensure_unchanged()
+    except InputError:
+        written.unlink()  # its tensors come from before and after a change
+        raise
     if form_of(form) is FileForm.ORIGINAL and layout.container is None:
         sidecar = written.with_name(written.name + ".recipe.json")
         write_text(sidecar, json.dumps(metadata, indent=2))

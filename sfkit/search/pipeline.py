@@ -14,6 +14,7 @@ from sfkit.evaluation.estimate import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Outcome, Scorer
+from sfkit.evaluation.written import ensure_as_scored
 from sfkit.files import write_text
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -253,7 +254,8 @@ def search_pool(
     Raises:
         InputError: constraints or settings do not suit the pool, or the folder is another search's
             (:func:`~sfkit.search.run_folder.run_folder`).
-        SfkitError: no candidate could be scored.
+        SfkitError: no candidate could be scored, or the written file is not what was scored
+            (:func:`~sfkit.evaluation.written.ensure_as_scored`).
     """
     plan.check(pool)
     if isinstance(folder, RunFolder):
@@ -282,6 +284,7 @@ def _search(pool: Pool, scorer: Scorer, plan: Plan, folder: Path, progress: Stag
         raise InputError("the plan has neither stage, expected something to search")
     write_text(folder / "recipe.json", pool.signed(best.recipe).to_json())
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
+    ensure_as_scored(pool, best.recipe, scorer, merged)
     found = Found(best.recipe, best.score, first, second, merged, folder, stage2)
     write_text(folder / "result.json", json.dumps(summary(pool, found), indent=2))
     return found

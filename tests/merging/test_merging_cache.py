@@ -10,6 +10,9 @@ import torch
 from safetensors.torch import load_file, save_file
 from tiny import fine_tune, write_pool
 
+from sfkit.checkpoints.layouts import Layout
+from sfkit.checkpoints.reading import CheckpointFile
+from sfkit.files import signature
 from sfkit.merging import cache as cache_module
 from sfkit.merging import members, open_pool
 from sfkit.merging.cache import FileRecord, VectorCache, VectorRecord
@@ -74,6 +77,10 @@ def test_cached_and_uncached_merges_agree(tmp_path: Path, cache: VectorCache) ->
     assert torch.equal(again.merge_into(again.uniform(), torch.empty(size)), one)
 
 
+def opened(path: Path) -> CheckpointFile:
+    return CheckpointFile(path, {}, Layout(), signatures={path: signature(path)})
+
+
 def fill(cache: VectorCache, name: str, elements: int, used: float) -> None:
     with cache.writing(name, elements) as buffer:
         buffer.fill_(1.0)
@@ -97,11 +104,11 @@ def test_records_of_files_are_limited_too(tmp_path: Path, monkeypatch: pytest.Mo
     checkpoints = [tmp_path / f"{number}.pth" for number in range(3)]
     for number, checkpoint in enumerate(checkpoints):
         checkpoint.write_bytes(b"x")
-        cache.remember(checkpoint, "anynet", FileRecord(f"f{number}", {}))
+        cache.remember(opened(checkpoint), "anynet", FileRecord(f"f{number}", {}))
         (record,) = (r for r in cache.folder.rglob("*.json") if checkpoint.name in r.read_text())
         os.utime(record, (number, number))
     cache.trim()
-    assert [cache.file(checkpoint, "anynet") for checkpoint in checkpoints] == [
+    assert [cache.file(opened(checkpoint), "anynet") for checkpoint in checkpoints] == [
         None, FileRecord("f1", {}), FileRecord("f2", {}),
     ]  # fmt: skip
 
@@ -119,11 +126,11 @@ def test_clearing(tmp_path: Path) -> None:
     fill(cache, "one", 100, 5.0)
     target = tmp_path / "x.pth"
     target.write_bytes(b"x")
-    cache.remember(target, "anynet", FileRecord("f", {}))
-    assert cache.file(target, "anynet") == FileRecord("f", {})
-    assert cache.file(target, "other") is None
+    cache.remember(opened(target), "anynet", FileRecord("f", {}))
+    assert cache.file(opened(target), "anynet") == FileRecord("f", {})
+    assert cache.file(opened(target), "other") is None
     assert cache.clear() == 400
-    assert cache.file(target, "anynet") is None
+    assert cache.file(opened(target), "anynet") is None
     assert cache.entries() == []
 
 

@@ -27,6 +27,7 @@ class Runner:
         """Runs what the store does not have; its workers start with the first recipe."""
         # Not in the constructor: threads and torch's settings travel to workers as they are at first use.
         if self._engine is None:
+            self._benchmark.ensure_unchanged()  # workers read its files again
             self._engine = make_engine(self._pool, self._benchmark, self._compute)
         return self._engine
 

@@ -67,6 +67,10 @@ class Worker:
             self._check_device(failure)
         return Result(images, failure, time.perf_counter() - started)
 
+    def as_it_is(self) -> tuple[ImageErrors, ...]:
+        """Per-image errors of the network with whatever values it has."""
+        return self._errors(range(len(self.benchmark)))
+
     def _errors(self, numbers: range) -> tuple[ImageErrors, ...]:
         """Errors of each pair, counted in a thread of their own while the network runs on the next pair."""
         with ThreadPoolExecutor(1) as counting:
