@@ -138,7 +138,7 @@ class MemoryPair:
 
     def frozen(self) -> MemoryPair:
         """The same with arrays of its own, which an edit of the caller's does not reach."""
-        copies = {name: array.copy() for name, array in self.sample.arrays().items()}
+        copies: dict[str, Any] = {name: array.copy() for name, array in self.sample.arrays().items()}
         return MemoryPair(self.id, replace(self.sample, **copies), self.digest)
 
     def load(self) -> Sample:

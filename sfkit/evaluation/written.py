@@ -67,8 +67,8 @@ def _ensure_scored(
     if not (found == said or math.isclose(found, said, rel_tol=SHARE, abs_tol=LEAST)):
         raise SfkitError(
             f"{path}: scores {found:.4f} {evaluator.metric.unit} on {evaluator.benchmark.name} where the "
-            f"search found {said:.4f}, expected the same: its values are those that were scored, so the network "
-            "does not give the same output twice"
+            f"search found {said:.4f}, expected the same: its values are those that were scored, so the "
+            "network does not give the same output twice"
         )
     evaluator.store.mark(key, mark)
 
