@@ -50,6 +50,7 @@ class Architecture:
         inputs: options -> how images become input.
         optional: globs of keys a source may lack (its task vector there is zero).
         constants: globs of keys that are no parameters and are copied from the base (index tables).
+        statistics: globs of further buffers that are merged like running means and variances.
         dead: globs of keys that influence no output: kept in files, left out of the search.
         frozen: globs of keys that fine-tuning leaves as they are; a source that differs there is pointed out.
         rename: state-dict keys as found -> as the network names them, for layouts in the wild.
@@ -75,6 +76,7 @@ class Architecture:
     additions: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
     constants: tuple[str, ...] = ()
+    statistics: tuple[str, ...] = ()
     dead: tuple[str, ...] = ()
     frozen: tuple[str, ...] = ()
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None
@@ -134,6 +136,7 @@ def register_architecture(
     inputs: InputConvention | Callable[[Options], InputConvention] | None = None,
     optional: Iterable[str] = (),
     constants: Iterable[str] = (),
+    statistics: Iterable[str] = (),
     dead: Iterable[str] = (),
     frozen: Iterable[str] = (),
     rename: Callable[[Iterable[str]], Mapping[str, str]] | None = None,
@@ -154,6 +157,10 @@ def register_architecture(
     again replaces the entry, so a notebook cell can be run twice. Without ``version`` the version is a
     digest of the code that the network reaches (:mod:`sfkit.architectures.identity`): an edited cell, helper,
     base or class attribute never meets the scores of its former self.
+
+    Buffers that are no running mean or variance are the base's in every merge; a pool warns where a source
+    has others. ``statistics`` names those that are merged like running statistics (a moving average, say),
+    ``constants`` those that do not matter.
 
     A network that is called otherwise than ``forward(left, right)``, or returns something else than a
     disparity in pixels, is described by ``call``, ``keywords``, ``output`` and ``resolution``: the four of
@@ -182,6 +189,7 @@ def register_architecture(
             additions=() if calling == PLAIN else (_digest(repr(calling)),),
             optional=tuple(optional),
             constants=tuple(constants),
+            statistics=tuple(statistics),
             dead=tuple(dead),
             frozen=tuple(frozen),
             rename=rename,

@@ -30,7 +30,7 @@ from sfkit.cli import (
     show,
 )
 from sfkit.cli import code as own_code
-from sfkit.cli.groups import PanelCommand, grouped
+from sfkit.cli.groups import Command, PanelCommand, grouped
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
@@ -58,6 +58,18 @@ app.add_typer(factory.app, name="factory")
 app.add_typer(bank.app, name="bank")
 app.add_typer(runs.app, name="runs")
 app.add_typer(cache.app, name="cache")
+
+
+def _strict(commands: typer.Typer) -> None:
+    for one in commands.registered_commands:
+        if one.cls is None or not issubclass(one.cls, Command):
+            one.cls = Command
+    for group in commands.registered_groups:
+        if group.typer_instance is not None:
+            _strict(group.typer_instance)
+
+
+_strict(app)
 
 # typer's own copy of click names this class nowhere in public: it is what BadParameter derives from.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]

@@ -22,6 +22,7 @@ import typer
 import typer.core
 
 from sfkit.cli.config import read_config
+from sfkit.errors import InputError
 from sfkit.settings import Setting, setting_of
 
 Answer = TypeVar("Answer")  # an exit code, or None
@@ -101,7 +102,28 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
     return run
 
 
-class PanelCommand(typer.core.TyperCommand):
+class Command(typer.core.TyperCommand):
+    """A command that takes each option once, unless it is made to add up: else the last would win unseen."""
+
+    def make_parser(self, ctx: Any) -> Any:
+        """The parser, which refuses what was said twice."""
+        parser = super().make_parser(ctx)
+        parse = parser.parse_args
+
+        def once(args: list[str]) -> Any:
+            values, rest, order = parse(args)
+            single = [p for p in order if p.param_type_name == "option" and not (p.multiple or p.is_flag)]
+            for option in single:
+                if single.count(option) > 1 and not option.count:
+                    flag = max(option.opts, key=len)
+                    raise InputError(f"{flag}: found it {single.count(option)} times, expected it once")
+            return values, rest, order
+
+        parser.parse_args = once
+        return parser
+
+
+class PanelCommand(Command):
     """A command whose ``--help`` shows options under the headings of their groups."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:

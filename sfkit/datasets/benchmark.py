@@ -12,7 +12,13 @@ from typing import Any
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.census import CENSUS
 from sfkit.datasets.folders import find_in_folders, nothing_recognised
-from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root
+from sfkit.datasets.listing import (
+    PairListing,
+    find_pairs,
+    nothing_found,
+    open_root,
+    warn_of_incomplete,
+)
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
@@ -87,6 +93,8 @@ def open_benchmark(
         coding: how the ground truth of ``pairs`` is coded, where its suffix does not settle it.
         table: a CSV file that lies elsewhere than ``root``.
         every: of ``unlabelled`` video, every so many pairs of each folder.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs are incomplete and left out, naming them.
 
     Raises:
         InputError: an unknown name, no complete pair, ambiguous or misplaced files, or settings that do
@@ -167,6 +175,7 @@ def _open_named(
     found = find_pairs(manifest, folder, resolution)
     if not found.pairs:
         raise InputError(nothing_found(manifest, folder, resolution, found))
+    warn_of_incomplete(name, found)
     return Benchmark(
         name=name,
         family=manifest.family,
@@ -193,6 +202,7 @@ def _open_pairs(
         raise InputError(absent)
     if not found.pairs:
         raise InputError(nothing_recognised(folder, found))
+    warn_of_incomplete(folder.name, found)
     return Benchmark(
         name=folder.name,
         family=PAIRS,

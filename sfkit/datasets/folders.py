@@ -47,14 +47,18 @@ def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
         InputError: a folder is ambiguous, a PNG has no coding, a hint is wrong or leads outside.
     """
     hints = _hints(root)
-    pairs, missing, strange = [], {}, []
-    folders = [f for f in sorted(root.iterdir()) if f.is_dir() and not f.name.startswith(".")]
+    pairs, missing, strange, broken = [], {}, [], []
+    entries = [f for f in sorted(root.iterdir()) if not f.name.startswith(".")]
+    folders = [f for f in entries if f.is_dir()]
+    links = [f.name for f in entries if f.is_symlink() and not f.exists()]
     for folder in [root, *folders]:
         inside(root, folder)
         own = hints if folder == root else {**hints, **_hints(folder)}
         roles = _roles(folder, own)
         if "left" not in roles:
-            strange += [folder.name] if folder != root else []
+            if folder != root:
+                strange.append(folder.name)
+                broken += [folder.name] if _has_images(folder) else []
             continue
         lacking = tuple(f"{folder.name}: the {role} file" for role in NEEDED if role not in roles)
         if lacking:
@@ -62,7 +66,17 @@ def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
         else:
             pairs.append(_pair(root, folder.name, roles, [coding, own.get("coding")]))
     note = (f"no pair was recognised in: {', '.join(strange)}",) if strange else ()
-    return PairListing(tuple(pairs), missing, note)
+    told = [f"no pair was recognised among the images in: {', '.join(broken)}"] if broken else []
+    told += [f"links that lead nowhere, or in a circle: {', '.join(links)}"] if links else []
+    return PairListing(tuple(pairs), missing, note, tuple(told))
+
+
+def _has_images(folder: Path) -> bool:
+    """Whether a folder holds an image, a link to nowhere, or hints, so that somebody meant it as a pair."""
+    return any(
+        (path.suffix.lower() in IMAGES and (path.is_file() or path.is_symlink())) or path.name == HINTS
+        for path in folder.iterdir()
+    )
 
 
 def nothing_recognised(root: Path, found: PairListing) -> str:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath, PurePosixPath
 
 from sfkit.datasets.manifests import ID, RESOLUTION, Manifest, PairLayout
 from sfkit.datasets.pairs import StereoPair
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 
 NEEDED = ("left", "right", "disparity")
 
@@ -22,11 +23,31 @@ class PairListing:
         pairs: the complete pairs, sorted by id.
         missing: the files that incomplete pairs lack, by id, relative to the root where they have a place.
         notes: what a reader of results should know.
+        strange: a sentence each on what looks like a pair and could not be read as one.
     """
 
     pairs: tuple[StereoPair, ...]
     missing: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    strange: tuple[str, ...] = ()
+
+
+def warn_of_incomplete(name: str, found: PairListing) -> None:
+    """Say which pairs cannot take part, so that a score of the others is not taken for one of all.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) with their names and what they lack.
+    """
+    if found.missing:
+        first = [f"{pair} (no {', '.join(files)})" for pair, files in list(found.missing.items())[:3]]
+        more = f" and {len(found.missing) - 3} more" if len(found.missing) > 3 else ""
+        warnings.warn(
+            f"benchmark {name!r}: {len(found.missing)} pairs are incomplete and left out: {'; '.join(first)}"
+            f"{more}; {len(found.pairs)} are scored",
+            SfkitWarning,
+            stacklevel=4,
+        )
+    for note in found.strange:
+        warnings.warn(f"benchmark {name!r}: {note}", SfkitWarning, stacklevel=4)
 
 
 def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> PairListing:

@@ -48,7 +48,7 @@ class CombinedScorer:
         self.changes = changes
 
     def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
-        """One outcome a recipe: failed where any benchmark failed, cached where all were."""
+        """One outcome a recipe: failed where any benchmark failed or said NaN, cached where all were."""
         table = [evaluator(recipes) for evaluator in self.evaluators]
         return [self._combine([row[n] for row in table]) for n in range(len(recipes))]
 
@@ -67,8 +67,9 @@ class CombinedScorer:
                 evaluator.release()
 
     def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
+        scores = [outcome.score for outcome in outcomes]
         return Outcome(
-            self.combined([outcome.score for outcome in outcomes]),
+            math.nan if any(map(math.isnan, scores)) else self.combined(scores),
             math.fsum(outcome.seconds for outcome in outcomes),
             all(outcome.cached for outcome in outcomes),
             next((outcome.error for outcome in outcomes if outcome.error), None),

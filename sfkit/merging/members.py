@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import torch
@@ -47,6 +48,7 @@ class Checked:
         absent: keys of optional tensors it lacks.
         kinship: how near it lies to the base.
         thawed: keys it changed although the architecture calls them frozen.
+        kept: keys of buffers of numbers whose values differ from the base's, which merges keep.
         signatures: what each file it was read from looked like then.
     """
 
@@ -59,6 +61,7 @@ class Checked:
     absent: tuple[str, ...] = ()
     kinship: Kinship = ITSELF
     thawed: tuple[str, ...] = ()
+    kept: tuple[str, ...] = ()
     signatures: Mapping[Path, Signature] = field(default_factory=dict)
 
 
@@ -213,7 +216,20 @@ class PoolOpener:
         kinship, values = self._vector(key, file, base, changed)
         thawed = tuple(spec.key for spec in changed if self.architecture.is_frozen(spec.key))
         checked = _checked(member, file, record.fingerprint, absent, kinship)
-        return Staged(replace(checked, thawed=thawed), changed, values)
+        kept = tuple(
+            spec.key for spec in self.specs if self._is_kept(spec, file, digests, base_record.digests)
+        )
+        return Staged(replace(checked, thawed=thawed, kept=kept), changed, values)
+
+    def _is_kept(
+        self, spec: TensorSpec, file: CheckpointFile, own: Mapping[str, str], theirs: Mapping[str, str]
+    ) -> bool:
+        """Whether a buffer that nobody called constant differs from the base's."""
+        known = (*self.architecture.constants, *self.architecture.dead)
+        if spec.kind is not Kind.CONSTANT or any(fnmatchcase(spec.key, pattern) for pattern in known):
+            return False
+        differs = spec.key in own and spec.key in theirs and own[spec.key] != theirs[spec.key]
+        return differs and file.tensors[spec.key].is_floating_point()
 
     def _vector(
         self, key: str, file: CheckpointFile, base: CheckpointFile, changed: Sequence[TensorSpec]

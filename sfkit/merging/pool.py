@@ -297,6 +297,13 @@ def _doubts(pool: Pool) -> Iterable[str]:
                 f"{source.path}: source {source.name!r} changed {len(source.thawed)} tensors that are frozen "
                 f"in fine-tuning ({named}): they are merged like the rest, which costs memory and may harm"
             )
+        if source.kept:
+            named = ", ".join(source.kept[:3]) + (", ..." if len(source.kept) > 3 else "")
+            yield (
+                f"{source.path}: source {source.name!r} has other values than the base in {len(source.kept)} "
+                f"buffers ({named}), and merges keep the base's: register_architecture(statistics=[...]) says"
+                " those to merge like running statistics, constants=[...] those that do not matter"
+            )
         if source.absent:
             yield (
                 f"{source.path}: source {source.name!r} lacks {len(source.absent)} optional tensors "

@@ -78,7 +78,11 @@ def _kind(name: str, tensor: torch.Tensor, architecture: Architecture, *, is_par
         return Kind.CONSTANT
     if is_parameter and tensor.is_floating_point():
         return Kind.WEIGHT
-    if tensor.is_floating_point() and name.rpartition(".")[2] in STATISTICS:
+    if not tensor.is_floating_point():
+        return Kind.CONSTANT
+    if name.rpartition(".")[2] in STATISTICS or (
+        not is_parameter and _matches(name, architecture.statistics)
+    ):
         return Kind.STATISTIC
     return Kind.CONSTANT
 

@@ -30,11 +30,17 @@ def _pairs(folder: str, *words: str) -> Case:
 
 
 def _evaluate(id_: str, rest: str, *words: str) -> Case:
-    return _case(f"evaluate-{id_}", f"evaluate pool -b pairs -r pairs --store new/s.sqlite {rest}", *words)
+    return _case(f"evaluate-{id_}", f"evaluate pool {_usual(rest)} {rest}", *words)
+
+
+def _usual(rest: str) -> str:
+    """Benchmark and store, where a case names no other: each is said once."""
+    usual = "" if "-b " in rest else "-b pairs -r pairs"
+    return usual if "--store" in rest else f"{usual} --store new/s.sqlite"
 
 
 def _baselines(id_: str, rest: str, *words: str) -> Case:
-    return _case(f"baselines-{id_}", f"baselines pool -b pairs -r pairs --store new/s.sqlite {rest}", *words)
+    return _case(f"baselines-{id_}", f"baselines pool {_usual(rest)} {rest}", *words)
 
 
 def _search(id_: str, rest: str, *words: str) -> Case:

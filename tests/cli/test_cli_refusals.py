@@ -110,3 +110,20 @@ def test_a_process_of_its_own_says_the_same(name: str, world: Path) -> None:
     assert ended.stdout == ""
     assert all(word in refusal(ended.stderr) for word in case.words)
     assert contents(world) == before
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "evaluate pool.toml --recipe a.json --recipe b.json -b pairs -r pairs",
+        "search pool.toml -b pairs -r pairs --seed 1 --seed 2",
+        "merge pool.toml -s a -o m.safetensors --subset b",
+        "data check pairs --root a --root b",
+    ],
+)
+def test_an_option_said_twice_is_refused(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """The last of two used to win."""
+    with pytest.raises(SystemExit) as ended:
+        main(line.split())
+    assert ended.value.code == 2
+    assert "found it 2 times, expected it once" in capsys.readouterr().err
