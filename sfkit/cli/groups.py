@@ -107,14 +107,15 @@ class Command(typer.core.TyperCommand):
 
     def make_parser(self, ctx: Any) -> Any:
         """The parser, which refuses what was said twice."""
-        parser = super().make_parser(ctx)
+        parser: Any = super().make_parser(ctx)
         parse = parser.parse_args
 
         def once(args: list[str]) -> Any:
             values, rest, order = parse(args)
-            single = [p for p in order if p.param_type_name == "option" and not (p.multiple or p.is_flag)]
+            options = [p for p in order if isinstance(p, typer.core.TyperOption)]
+            single = [p for p in options if not (p.multiple or p.is_flag or p.count)]
             for option in single:
-                if single.count(option) > 1 and not option.count:
+                if single.count(option) > 1:
                     flag = max(option.opts, key=len)
                     raise InputError(f"{flag}: found it {single.count(option)} times, expected it once")
             return values, rest, order
