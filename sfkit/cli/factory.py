@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from sfkit.cli.groups import PanelCommand, grouped
 from sfkit.cli.options import JsonOption, emit, say
-from sfkit.factory import read_factory
+from sfkit.cli.panels import ComputeOptions
+from sfkit.factory import Made, most_evaluations, read_factory, report_values, train_one
 from sfkit.factory import run as run_factory
 from sfkit.factory import status as factory_status
+from sfkit.factory.file import JOINT
 
 app = typer.Typer(
     help="From data sets to sources to one network.", no_args_is_help=True, rich_markup_mode=None
@@ -19,19 +22,35 @@ app = typer.Typer(
 FactoryArgument = Annotated[Path, typer.Argument(help="A factory.toml.")]
 
 
-@app.command("run")
+@app.command("run", cls=PanelCommand)
+@grouped
 def run(
     file: FactoryArgument,
-    device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:N.")] = "cpu",
+    compute: ComputeOptions,
+    devices: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--train-on", help="A device to train on; several train side by side. --device unless given."
+        ),
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", help="Also write the report, an HTML file.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Train what is missing, search, and score; run again after adding a source, only what is new is made.
 
+    With --engine ray the trainings are spread over the cluster, and the search's evaluations too.
+
     \b
-    Example:
+    Examples:
       sfkit factory run factory.toml
+      sfkit factory run factory.toml --train-on cuda:0 --train-on cuda:1 --device cuda --report garage.html
     """
-    made = run_factory(read_factory(file), device=device, say=say)
+    factory = read_factory(file)
+    if report is not None:
+        report_values(factory)  # refused now rather than after the trainings
+    made = run_factory(factory, devices=devices or (compute.device,), compute=compute, say=say)
     columns = list(next(iter(made.scores.values())))
     lines = [f"{'network':24s} " + " ".join(f"{c:>16s}" for c in columns)]
     lines += [
@@ -41,8 +60,43 @@ def run(
         f"trained {', '.join(made.trained) or 'nothing'}; {made.evaluated} new evaluations; "
         f"wrote {made.found.merged}"
     )
+    parts = ", ".join(f"{cost.part} {cost.seconds:.0f} s" for cost in made.costs)
+    lines.append(f"cost: {parts}")
+    names = {"sources": "the sources", JOINT: "the joint network"}
+    for part, share in made.overhead().items():
+        lines.append(f"the search took {share:.1f} % of the training of {names[part]}")
     document = {"scores": made.scores, "trained": made.trained, "evaluated": made.evaluated}
+    document |= {"costs": [asdict(cost) for cost in made.costs], "overhead": made.overhead()}
+    if report is not None:
+        from sfkit.reports import notebook_path  # with all of Jupyter behind it
+        from sfkit.reports import report as write_report
+
+        values = {**report_values(factory), **_training_seconds(made), "out": factory.out / "report"}
+        lines.append(f"wrote {write_report(notebook_path('report'), values, report, progress=say)}")
+        document["report"] = report
     emit({**document, "merged": made.found.merged, "pool": made.pool}, "\n".join(lines), as_json=json)
+
+
+def _training_seconds(made: Made) -> dict[str, Any]:
+    """What the report compares the search's cost with."""
+    return {"training_seconds": {c.part: c.seconds for c in made.costs if c.part not in (JOINT, "search")}}
+
+
+@app.command("train")
+def train(
+    file: FactoryArgument,
+    name: Annotated[str, typer.Argument(help="A source, or joint.")],
+    device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:N.")] = "cpu",
+    json: JsonOption = False,
+) -> None:
+    """Train one network of a factory, for schedulers that give each source a machine.
+
+    \b
+    Example:
+      sfkit factory train factory.toml streets --device cuda
+    """
+    written = train_one(read_factory(file), name, device, say)
+    emit({"file": written}, f"wrote {written}", as_json=json)
 
 
 @app.command("status")
@@ -60,6 +114,8 @@ def status(file: FactoryArgument, json: JsonOption = False) -> None:
         f"{i.name:24s} {i.state:8s} {i.steps:8d} {'-' if i.seconds is None else f'{i.seconds:.0f}':>9s}"
         for i in items
     ]
-    lines.append(f"search: at most {factory.plan.evaluations} evaluations on {factory.validation}")
-    document = {"networks": [asdict(i) for i in items], "evaluations": factory.plan.evaluations}
+    guides = ", ".join(guide.name for guide in factory.validation)
+    most = most_evaluations(factory)
+    lines.append(f"search: at most {most} evaluations on {guides}")
+    document = {"networks": [asdict(i) for i in items], "evaluations": most}
     emit(document, "\n".join(lines), as_json=json)

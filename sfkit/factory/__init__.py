@@ -1,7 +1,21 @@
 """From data sets to sources to one network, in one file: what is missing or stale is made, nothing else."""
 
 from sfkit.factory.file import Factory, read_factory
-from sfkit.factory.run import run
-from sfkit.factory.status import Item, status
+from sfkit.factory.report import report_values
+from sfkit.factory.run import Cost, Made, run
+from sfkit.factory.status import Item, most_evaluations, status
+from sfkit.factory.training import train_missing, train_one
 
-__all__ = ["Factory", "Item", "read_factory", "run", "status"]
+__all__ = [
+    "Cost",
+    "Factory",
+    "Item",
+    "Made",
+    "most_evaluations",
+    "read_factory",
+    "report_values",
+    "run",
+    "status",
+    "train_missing",
+    "train_one",
+]

@@ -18,18 +18,20 @@
     pairs = 2000                        # optional; the first so many
     [sources.streets.training]          # optional; what differs for this one
 
-    [validation]                        # arguments of sfkit.open_benchmark
+    [validation]                        # arguments of sfkit.open_benchmark; several as [[validation]]
     name = "eth3d"
-    root = "/data/ETH3D"
+    root = "/data/ETH3D"                # without ground truth: name = "unlabelled"
 
     [[tests]]
     name = "kitti2015"
     root = "/data/KITTI_2015"
 
-    [search]                            # optional budgets; evaluations = 0 leaves Stage 2 out
-    population = 30
-    generations = 25
-    evaluations = 300
+    [search]                            # optional; sizes are the method's own unless given
+    method = "paper"                    # or "bayesian"
+    population = 50
+    generations = 15
+    evaluations = 300                   # 0 leaves Stage 2 out
+    combine = "mean"                    # of several validation benchmarks, or "worst"
     seed = 0
 """
 
@@ -41,7 +43,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.bank.rendered import RenderedPair
-from sfkit.datasets.benchmark import open_benchmark
+from sfkit.datasets.benchmark import open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.manifests import read_toml
 from sfkit.datasets.synthetic import domains
@@ -49,7 +51,7 @@ from sfkit.datasets.training_set import TrainingSet
 from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError, unknown_name
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import Plan
+from sfkit.search.pipeline import METHODS, Plan
 from sfkit.training import TrainingSettings
 
 KEYS = (
@@ -65,7 +67,8 @@ KEYS = (
     "tests",
 )
 SOURCE_KEYS = ("data", "root", "pairs", "training", "licence", "all", "coding")
-SEARCH_KEYS = ("population", "generations", "evaluations", "seed")
+SEARCH_KEYS = ("method", "population", "generations", "evaluations", "combine", "seed")
+COMBINATIONS = ("mean", "worst")
 JOINT = "joint"
 
 
@@ -91,6 +94,7 @@ class Factory:
     """A ``factory.toml`` as read; every data set was found, nothing was trained.
 
     Attributes:
+        file: where it was read from.
         name: the pool's name.
         base: the checkpoint all sources start from.
         architecture: its name in the registry.
@@ -98,21 +102,31 @@ class Factory:
         orders: the sources, in the file's order.
         joint: the joint network, where one is wanted.
         validation: what the search looks at.
+        combine: how several of them become one score.
         tests: what it does not.
-        plan: budgets of the search.
+        given: the arguments of all benchmarks as the file has them, validation first.
+        plan: method and budgets of the search.
         out: the folder for all that is made.
     """
 
+    file: Path
     name: str
     base: Path
     architecture: str
     options: Mapping[str, Any]
     orders: tuple[Order, ...]
     joint: Order | None
-    validation: Benchmark
+    validation: tuple[Benchmark, ...]
+    combine: str
     tests: tuple[Benchmark, ...]
+    given: tuple[Mapping[str, Any], ...]
     plan: Plan
     out: Path
+
+    @property
+    def networks(self) -> tuple[Order, ...]:
+        """Everything to be trained: the sources, and the joint network where one is wanted."""
+        return (*self.orders, *([self.joint] if self.joint is not None else ()))
 
 
 def read_factory(path: str | Path) -> Factory:
@@ -130,12 +144,24 @@ def read_factory(path: str | Path) -> Factory:
             raise InputError(f"{path}: the key {key} is missing, expected it")
     here = path.parent
     common = dict(values.get("training", {}))
+    _known(f"key of [search] in {path}", values.get("search", {}), SEARCH_KEYS)
+    combine = values.get("search", {}).get("combine", COMBINATIONS[0])
+    if combine not in COMBINATIONS:
+        raise unknown_name(f"combine of [search] in {path}", str(combine), COMBINATIONS)
     orders = tuple(_order(path, name, dict(entry), common) for name, entry in values["sources"].items())
-    validation = _benchmark(path, "validation", values["validation"])
-    tests = tuple(_benchmark(path, "tests", entry) for entry in values.get("tests", []))
-    if any(test.fingerprint() == validation.fingerprint() for test in tests):
-        raise InputError(f"{path}: {validation.name} is validation and test, expected other pairs to test on")
+    guides = values["validation"]
+    guides = guides if isinstance(guides, list) else [guides]
+    given = tuple(_given(path, entry) for entry in (*guides, *values.get("tests", [])))
+    benchmarks = tuple(open_benchmarks(given))
+    for benchmark in benchmarks:
+        benchmark.ensure_scorable()
+    validation, tests = benchmarks[: len(guides)], benchmarks[len(guides) :]
+    seen = {guide.fingerprint(): guide.name for guide in validation}
+    for test in tests:
+        if test.fingerprint() in seen:
+            raise InputError(f"{path}: {test.name} is validation and test, expected other pairs to test on")
     return Factory(
+        file=path,
         name=str(values["name"]),
         base=here / values["base"],
         architecture=str(values["architecture"]),
@@ -143,8 +169,10 @@ def read_factory(path: str | Path) -> Factory:
         orders=orders,
         joint=_joint(orders, common, path) if values.get("joint", False) else None,
         validation=validation,
+        combine=combine,
         tests=tests,
-        plan=_plan(path, dict(values.get("search", {}))),
+        given=given,
+        plan=_plan(values.get("search", {})),
         out=here / values.get("out", "."),
     )
 
@@ -175,14 +203,15 @@ def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
     return open_training_set(name, root, hold_out=not entry.get("all", False), coding=entry.get("coding"))
 
 
-def _benchmark(path: Path, where: str, entry: Mapping[str, Any]) -> Benchmark:
+def _given(path: Path, entry: Any) -> dict[str, Any]:
+    """A benchmark's arguments, its folder relative to the file's."""
+    if not isinstance(entry, Mapping):
+        raise InputError(f"{path}: found the benchmark {entry!r}, expected a table of arguments")
     given = dict(entry)
-    if "root" in given:
-        given["root"] = path.parent / Path(str(given["root"])).expanduser()
-    try:
-        return open_benchmark(**given)
-    except TypeError as error:
-        raise InputError(f"{path}: {where}: {error}, expected arguments of open_benchmark") from error
+    for key in ("root", "table"):
+        if key in given:
+            given[key] = path.parent / Path(str(given[key])).expanduser()
+    return given
 
 
 def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> Order:
@@ -192,17 +221,18 @@ def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> 
     return Order(JOINT, data, TrainingSettings.from_dict(common, f"[training] in {path}"))
 
 
-def _plan(path: Path, search: dict[str, Any]) -> Plan:
-    _known(f"key of [search] in {path}", search, SEARCH_KEYS)
+def _plan(search: Mapping[str, Any]) -> Plan:
     seed = int(search.get("seed", 0))
-    first, second = SubsetSettings(seed=seed), RoutingSettings(seed=seed)
-    first = replace(
-        first,
-        population=int(search.get("population", first.population)),
-        generations=int(search.get("generations", first.generations)),
-    )
-    budget = int(search.get("evaluations", second.evaluations))
-    return Plan(stage1=first, stage2=replace(second, evaluations=budget) if budget else None)
+    plan = Plan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
+    plan = plan.by(str(search.get("method", METHODS[0])))
+    first = plan.stage1
+    population = int(search.get("population", first.population))
+    generations = int(search.get("generations", first.generations))
+    plan = replace(plan, stage1=replace(first, population=population, generations=generations))
+    if "evaluations" in search and plan.stage2 is not None:
+        budget = int(search["evaluations"])
+        plan = replace(plan, stage2=replace(plan.stage2, evaluations=budget) if budget else None)
+    return plan
 
 
 def _known(what: str, values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:

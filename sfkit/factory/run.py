@@ -3,25 +3,43 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import pandas as pd
 import torch
 
 from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.evaluation import EvaluationStore, Evaluator
+from sfkit.datasets.pairs import Pair, StereoPair
+from sfkit.errors import SfkitWarning
+from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
+from sfkit.evaluation.outcome import Scorer
 from sfkit.factory.file import JOINT, Factory
-from sfkit.factory.status import DONE, Item, file_of, status
+from sfkit.factory.status import Item, file_of, status
+from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.network import load_network
 from sfkit.search.pipeline import Found, search_pool
-from sfkit.training.finetune import finetune
-from sfkit.training.loop import Course
 from sfkit.training.scoring import scorer_of
 
-Say = Callable[[str], None]
+
+@dataclass(frozen=True)
+class Cost:
+    """What one part of a factory took, in all sittings together.
+
+    Attributes:
+        part: a source's name, ``joint``, or ``search``.
+        passes: of a training, pairs shown forward and backward; of the search, forward alone.
+        seconds: on the clock; of the search, of its evaluations when they were computed.
+    """
+
+    part: str
+    passes: int
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -33,6 +51,7 @@ class Made:
         pool: the pool's file.
         found: what the search found.
         scores: network -> benchmark -> score in the benchmark's metric, lower is better.
+        costs: of the sources, the joint network and the search.
         trained: the networks that this call trained.
         evaluated: how many evaluations the store gained.
     """
@@ -41,62 +60,63 @@ class Made:
     pool: Path
     found: Found
     scores: dict[str, dict[str, float]]
+    costs: tuple[Cost, ...]
     trained: tuple[str, ...]
     evaluated: int
 
+    def overhead(self) -> dict[str, float]:
+        """The search's seconds in percent of the sources' training, and of the joint network's where it is.
 
-def run(factory: Factory, *, device: str = "cpu", say: Say = lambda _: None) -> Made:
+        The paper's table of costs has the latter. Both are seconds of one factory; they mean little where its
+        trainings and its search ran on different machines.
+        """
+        seconds = {cost.part: cost.seconds for cost in self.costs}
+        search, joint = seconds.pop("search"), seconds.pop(JOINT, None)
+        found = {"sources": 100.0 * search / math.fsum(seconds.values())}
+        return found if joint is None else {**found, JOINT: 100.0 * search / joint}
+
+
+def run(
+    factory: Factory,
+    *,
+    devices: Sequence[str] = ("cpu",),
+    compute: Compute | None = None,
+    say: Say = lambda _: None,
+) -> Made:
     """Make what a factory lacks; a second call finds all of it done, a new source costs its own share.
 
-    Writes below ``factory.out``: ``sources/``, ``pool.toml``, ``evaluations.sqlite``, ``search/`` and
-    ``scores.json``.
+    Writes below ``factory.out``: ``sources/``, ``pool.toml``, ``evaluations.sqlite``, ``search/``,
+    ``scores.json`` and ``costs.csv``.
+
+    Args:
+        factory: from :func:`~sfkit.factory.file.read_factory`.
+        devices: where networks are trained, one on each at a time.
+        compute: where the search evaluates; its first device unless given. With the engine ``ray`` the
+            trainings are spread over the cluster too.
+        say: hears how it goes.
 
     Raises:
         InputError: what :func:`~sfkit.training.finetune.finetune` and the search refuse.
+        SfkitError: a training failed.
     """
-    trained = _train(factory, device, say)
+    compute = compute or Compute(devices[0])
+    warn_of_seen_pairs(factory)
+    trained = train_missing(factory, devices=devices, ray=compute.engine == "ray", say=say)
     pool_file = write_text(factory.out / "pool.toml", pool_toml(factory))
     pool = open_pool(pool_file)
     store = EvaluationStore(factory.out / "evaluations.sqlite")
     before = len(store)
-    scorer = Evaluator(pool, factory.validation, store=store)
+    guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
+    scorer: Scorer = guides[0] if len(guides) == 1 else CombinedScorer(guides, factory.combine)
     # A source that was added makes another search, whose result is to take the former one's place.
     found = search_pool(pool, scorer, factory.plan, factory.out / "search", force=True)
-    scores = _scores(factory, pool, found, store, device)
+    scores = _scores(factory, pool, found, guides, compute)
     write_text(factory.out / "scores.json", json.dumps(scores, indent=2) + "\n")
-    return Made(status(factory), pool_file, found, scores, trained, len(store) - before)
-
-
-def _train(factory: Factory, device: str, say: Say) -> tuple[str, ...]:
-    orders = {order.name: order for order in (*factory.orders, *([factory.joint] if factory.joint else ()))}
-    trained = []
-    for item in status(factory):
-        if item.state == DONE:
-            continue
-        order = orders[item.name]
-        say(f"{item.name}: {item.state}, {order.data.coverage}, {item.steps} steps")
-        finetune(
-            factory.base,
-            order.data,
-            item.file,
-            name=factory.architecture,
-            options=factory.options,
-            settings=order.settings,
-            device=device,
-            licence=order.licence,
-            listen=_listener(item.name, say),
-        )
-        trained.append(item.name)
-    return tuple(trained)
-
-
-def _listener(name: str, say: Say) -> Callable[[Course], None]:
-    def hear(course: Course) -> None:
-        if course.done % 50 == 0 or course.done == course.steps:
-            left = course.seconds / course.done * (course.steps - course.done)
-            say(f"{name}: step {course.done} of {course.steps}: {left:.0f} s left")
-
-    return hear
+    items = status(factory)
+    costs = (*_training_costs(factory, items), _search_cost(factory, found))
+    table = pd.DataFrame([asdict(cost) for cost in costs])
+    write_text(factory.out / "costs.csv", table.to_csv(index=False))
+    return Made(items, pool_file, found, scores, costs, trained, len(store) - before)
 
 
 def pool_toml(factory: Factory) -> str:
@@ -119,18 +139,40 @@ def pool_toml(factory: Factory) -> str:
     return "\n".join(lines) + "\n"
 
 
+def warn_of_seen_pairs(factory: Factory) -> None:
+    """A source that learned validation's or a test's ground truth looks better there than it is."""
+    for order in factory.networks:
+        learned = {_identity(pair) for pair in order.data.pairs}
+        for benchmark in (*factory.validation, *factory.tests):
+            shared = sum(_identity(pair) in learned for pair in benchmark.pairs)
+            if shared:
+                warnings.warn(
+                    f"{factory.file}: {order.name} is trained on {shared} of {len(benchmark)} pairs of "
+                    f"{benchmark.name}, which then prefers it for what it has seen; train on other pairs, or "
+                    "validate and test elsewhere",
+                    SfkitWarning,
+                    stacklevel=3,
+                )
+
+
+def _identity(pair: Pair) -> object:
+    return pair.left.resolve() if isinstance(pair, StereoPair) else pair
+
+
 def _scores(
-    factory: Factory, pool: Pool, found: Found, store: EvaluationStore, device: str
+    factory: Factory, pool: Pool, found: Found, guides: Sequence[Evaluator], compute: Compute
 ) -> dict[str, dict[str, float]]:
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), "merged": found.recipe}
     recipes |= {name: pool.equal(name) for name in pool.names}
     scores: dict[str, dict[str, float]] = {name: {} for name in recipes}
-    for benchmark in (factory.validation, *factory.tests):
-        outcomes = Evaluator(pool, benchmark, store=store)(list(recipes.values()))
-        for name, outcome in zip(recipes, outcomes, strict=True):
+    store = guides[0].store
+    tests = [Evaluator(pool, test, store=store, compute=compute) for test in factory.tests]
+    for evaluator in (*guides, *tests):
+        benchmark = evaluator.benchmark
+        for name, outcome in zip(recipes, evaluator(list(recipes.values())), strict=True):
             scores[name][benchmark.name] = outcome.score
         if factory.joint is not None:
-            scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(factory, benchmark, device)
+            scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(factory, benchmark, compute.device)
     return scores
 
 
@@ -142,3 +184,17 @@ def _joint_score(factory: Factory, benchmark: Benchmark, device: str) -> float:
     )
     place = torch.device(device)
     return scorer_of(benchmark, loaded.inputs, place)(loaded.network.to(place))[0]
+
+
+def _training_costs(factory: Factory, items: Sequence[Item]) -> list[Cost]:
+    batches: Mapping[str, int] = {order.name: order.settings.batch for order in factory.networks}
+    return [Cost(i.name, i.steps * batches[i.name], i.seconds) for i in items if i.seconds is not None]
+
+
+def _search_cost(factory: Factory, found: Found) -> Cost:
+    """Of every recipe once, whatever the store held already."""
+    images = sum(len(guide) for guide in factory.validation)
+    files = [found.folder / name for name in ("stage1.csv", "stage2.csv")]
+    rows = pd.concat([pd.read_csv(path) for path in files if path.exists()])
+    distinct = rows.drop_duplicates("key")
+    return Cost("search", len(distinct) * images, float(distinct["seconds"].sum()))

@@ -37,8 +37,7 @@ class Item:
 
 def status(factory: Factory) -> tuple[Item, ...]:
     """All networks of a factory, sources first; nothing is trained."""
-    orders = (*factory.orders, *([factory.joint] if factory.joint else ()))
-    items = [_item(factory, order) for order in orders]
+    items = [_item(factory, order) for order in factory.networks]
     paces = [item.seconds / item.steps for item in items if item.seconds is not None]
     pace = sum(paces) / len(paces) if paces else None
     return tuple(
@@ -47,6 +46,15 @@ def status(factory: Factory) -> tuple[Item, ...]:
         else Item(item.name, item.state, item.file, item.steps, pace * item.steps)
         for item in items
     )
+
+
+def most_evaluations(factory: Factory) -> int:
+    """The most evaluations the search can ask for: no more than there are subsets of two sources or more."""
+    plan, count = factory.plan, len(factory.orders)
+    first = plan.stage1.population + plan.stage1.generations * plan.stage1.offspring
+    second = 0 if plan.stage2 is None else plan.stage2.evaluations
+    subsets = (1 << count) - 1 - count
+    return min(first, subsets) + second
 
 
 def file_of(factory: Factory, order: Order) -> tuple[Path, Mapping[str, Any]]:

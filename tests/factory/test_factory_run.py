@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from safetensors.torch import load_file
+from typer.testing import CliRunner
 
 import sfkit
 from sfkit import bank
 from sfkit.bank.rendered import RenderedPair
-from sfkit.factory import read_factory, run, status
+from sfkit.cli.app import app
+from sfkit.datasets.training_set import TrainingSet
+from sfkit.factory import most_evaluations, read_factory, report_values, run, status, train_missing
+from sfkit.factory.run import warn_of_seen_pairs
 from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
+from sfkit.reports.parameters import parameter_defaults
+from sfkit.reports.run import read_notebook
 from sfkit.training.finetune import finetune
 
 TEXT = """
@@ -69,11 +77,31 @@ def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
     assert all(set(row) == {"courtyard", "grey-workshop"} for row in made.scores.values())
     assert made.scores["merged"]["courtyard"] == pytest.approx(made.found.score)
     assert [item.state for item in made.items] == [DONE] * 3
+    assert [(cost.part, cost.passes) for cost in made.costs[:3]] == [
+        ("haze", 4),
+        ("far-scene", 4),
+        ("joint", 8),
+    ]
+    seconds = [cost.seconds for cost in made.costs]
+    assert made.costs[3].part == "search"
+    assert made.overhead() == pytest.approx(
+        {"sources": 100 * seconds[3] / (seconds[0] + seconds[1]), "joint": 100 * seconds[3] / seconds[2]}
+    )
+    table = pd.read_csv(tmp_path / "costs.csv")
+    assert table["part"].tolist() == ["haze", "far-scene", "joint", "search"]
 
-    again = run(read_factory(path))
-    assert again.trained == ()
-    assert again.evaluated == 0
-    assert again.scores == made.scores
+    again = CliRunner().invoke(app, ["factory", "run", str(path), "--json"])
+    assert again.exit_code == 0, again.output
+    told = json.loads(again.stdout)
+    assert (told["trained"], told["evaluated"], told["scores"]) == ([], 0, made.scores)
+    assert told["costs"] == [asdict(cost) for cost in made.costs]
+    listed = CliRunner().invoke(app, ["factory", "status", str(path)]).stdout
+    assert [line.split()[:2] for line in listed.splitlines()[1:4]] == [
+        ["haze", "done"],
+        ["far-scene", "done"],
+        ["joint", "done"],
+    ]
+    assert listed.splitlines()[4] == "search: at most 1 evaluations on courtyard"
 
     grown = run(read_factory(write(tmp_path, "haze", "far-scene", "thin-things")))
     assert grown.trained == ("thin-things",)
@@ -149,3 +177,72 @@ def test_pairs_of_the_bank_are_training_pairs(tmp_path: Path) -> None:
         RenderedPair("haze", 0, "train"),
         RenderedPair("haze", 1, "train"),
     )
+
+
+def test_two_devices_train_what_one_trains_and_one_failure_keeps_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two").mkdir()
+    alone = read_factory(write(tmp_path / "one", "haze", "far-scene"))
+    together = read_factory(write(tmp_path / "two", "haze", "far-scene"))
+    assert train_missing(alone) == ("haze", "far-scene")
+
+    haze = status(together)[0].file
+    haze.parent.mkdir(parents=True)
+    obstacle = haze.with_name(f"{haze.stem}.training")
+    obstacle.write_text("in the way")
+    with pytest.raises(sfkit.SfkitError, match=r"^1 trainings failed: haze: .*all others are done"):
+        train_missing(together, devices=("cpu", "cpu"))
+    assert [item.state for item in status(together)] == [MISSING, DONE]
+
+    obstacle.unlink()
+    lines: list[str] = []
+    assert train_missing(together, devices=("cpu", "cpu"), say=lines.append) == ("haze",)
+    assert lines[0] == "haze: missing, 2 steps"
+    assert lines[-1].startswith("haze: step 2 of 2, loss ")
+    for one, two in zip(status(alone), status(together), strict=True):
+        assert one.file.read_bytes() == two.file.read_bytes()
+
+
+def test_a_source_that_learned_the_validation_s_pairs_is_warned_of(tmp_path: Path) -> None:
+    text = write(tmp_path, "haze", "far-scene").read_text()
+    pair = sfkit.open_benchmark("bank:courtyard", pairs=1).pairs[0]
+    factory = read_factory(tmp_path / "factory.toml")
+    order = replace(factory.orders[0], data=TrainingSet("seen", (pair, *factory.orders[0].data.pairs)))
+    assert "courtyard" in text
+    with pytest.warns(sfkit.SfkitWarning, match="haze is trained on 1 of 1 pairs of courtyard"):
+        warn_of_seen_pairs(replace(factory, orders=(order, factory.orders[1])))
+
+
+def test_several_guides_a_method_and_what_the_search_costs_at_most(tmp_path: Path) -> None:
+    path = write(tmp_path, "haze", "far-scene", "thin-things")
+    text = path.read_text().replace("[validation]", "[[validation]]", 1)
+    text = text.replace("[[tests]]", '[[validation]]\nname = "bank:hazy-road"\npairs = 2\n\n[[tests]]')
+    text = text.replace("evaluations = 0", 'evaluations = 12\nmethod = "bayesian"\ncombine = "worst"')
+    path.write_text(text)
+    factory = read_factory(path)
+    assert [len(guide) for guide in factory.validation] == [1, 2]
+    assert (factory.combine, factory.plan.method) == ("worst", "bayesian")
+    assert most_evaluations(factory) == 4 + 12  # of three sources there are four subsets of two or more
+    with pytest.raises(sfkit.InputError, match="2 validation benchmarks, method bayesian"):
+        report_values(factory)
+
+
+def test_the_report_is_given_the_factory_s_benchmarks_and_budgets(tmp_path: Path) -> None:
+    path = write(tmp_path, "haze", "far-scene")
+    path.write_text(path.read_text().replace("evaluations = 0", "evaluations = 9"))
+    values = report_values(read_factory(path))
+    assert values == {
+        "pool": tmp_path / "pool.toml",
+        "benchmark": "bank:courtyard",
+        "benchmark_pairs": 1,
+        "report_on": [{"name": "bank:grey-workshop", "pairs": 1}],
+        "population": 4,
+        "generations": 1,
+        "evaluations": 9,
+        "seed": 0,
+    }
+    book = Path(__file__).parents[2] / "notebooks" / "report.ipynb"
+    assert set(values) <= set(parameter_defaults(book, read_notebook(book)))

@@ -76,7 +76,7 @@ class RayCrew(Crew[RaySeat]):
         self._ray: Any = ray
         self._owns_ray = not ray.is_initialized()
         if self._owns_ray:
-            _connect(ray)
+            connect(ray)
         self._gpus = 1 if order.device == "cuda" else 0
         self._order = ray.put(order)
         self._seats = [RaySeat() for _ in range(workers or self._places())]
@@ -173,7 +173,12 @@ def ray_engine(
     return ParallelEngine("ray", len(benchmark), workers, hire, about)
 
 
-def _connect(ray: Any) -> None:
+def connect(ray: Any) -> None:
+    """Join the cluster of ``RAY_ADDRESS``, or start one here.
+
+    Raises:
+        SfkitError: there is none, and none can be started.
+    """
     try:
         ray.init()
     except (ConnectionError, RuntimeError, TimeoutError) as error:
