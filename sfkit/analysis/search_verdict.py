@@ -17,6 +17,22 @@ from sfkit.merging.recipe import Recipe
 BASE, UNIFORM = "base", "uniform"
 
 
+@dataclass(frozen=True)
+class Missing:
+    """What a verdict costs at most.
+
+    Attributes:
+        evaluations: recipes that are yet to be scored, summed over benchmarks.
+        passes: image pairs through a network for that.
+    """
+
+    evaluations: int
+    passes: int
+
+    def __str__(self) -> str:
+        return f"at most {self.evaluations:,} evaluations more, {self.passes:,} image pairs through a network"
+
+
 @dataclass(frozen=True, eq=False)
 class SearchVerdict:
     """A search's networks measured, and what to deploy.
@@ -26,12 +42,38 @@ class SearchVerdict:
         single: the source that is best on validation.
         comparison: base, that source, uniform and the stages, each against that source.
         verdict: among all but the base and the other sources.
+        recipes: network name -> recipe, of all that the verdict chose among.
     """
 
     measured: tuple[Measured, ...]
     single: str
     comparison: NetworkComparison
     verdict: Verdict
+    recipes: Mapping[str, Recipe]
+
+    @property
+    def recipe(self) -> Recipe:
+        """Of the network the verdict recommends."""
+        return self.recipes[self.verdict.recommended]
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values, for ``result.json``: the verdict, and every network's scores and difference."""
+        networks = {
+            row.network: {
+                "validation": _finite(row.guided),
+                "unseen": _finite(row.unseen),
+                "difference": None if row.difference is None else _finite(row.difference.value),
+                "interval": None if row.difference is None else row.difference.interval,
+            }
+            for row in self.comparison.rows
+        }
+        return {
+            **self.verdict.as_dict(),
+            "sources": list(self.recipe.sources),
+            "tests": list(self.verdict.tests),
+            "reference": self.comparison.reference,
+            "networks": networks,
+        }
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -59,37 +101,66 @@ def search_verdict(
 ) -> SearchVerdict:
     """Measure what a search found beside what needs no search, and say what to deploy.
 
-    Base, single sources and uniform are scored where the store does not have them: N + 2 recipes a benchmark.
+    Base, single sources and uniform are scored where the store does not have them; see :func:`missing`.
+    Where benchmarks with ground truth and without guide together, those with it judge: scores of unlike
+    metrics have no mean.
 
     Args:
         pool: whose sources were searched.
         stages: ``Stage 1`` and ``Stage 1+2``, or one of them: what the search found.
         guides: evaluators of the benchmarks that guided it.
-        tests: evaluators of benchmarks that guided nothing.
+        tests: evaluators of benchmarks that guided nothing, each of another name.
         evaluations: name of a stage -> what finding it took.
         progress: told of each evaluation when it is done.
     """
     singles = {name: pool.equal(name) for name in pool.names}
     recipes = {BASE: pool.base_recipe(), **singles, UNIFORM: pool.uniform(), **stages}
-    names = [guide.benchmark.name for guide in guides]
-    measured = measure_with([*guides, *tests], recipes, validation=names, progress=progress)
-    guided = measured[: len(guides)]
+    able = _judging(guides)
+    names = [guide.benchmark.name for guide in able]
+    measured = measure_with([*able, *tests], recipes, validation=names, progress=progress)
+    guided = measured[: len(able)]
     scores = {name: math.fsum(one.score(name) for one in guided) for name in singles}
-    able = {name: score for name, score in scores.items() if math.isfinite(score)} or scores
-    single = min(able, key=lambda name: able[name])
+    finite = {name: score for name, score in scores.items() if math.isfinite(score)} or scores
+    single = min(finite, key=lambda name: finite[name])
     labels = {
         BASE: BASE,
         single: f"best single ({single})",
         UNIFORM: UNIFORM,
         **{name: name for name in stages},
     }
-    shown = tuple(
+    shown = [
         replace(one, images={label: one.images[name] for name, label in labels.items()}) for one in measured
-    )
+    ]
     rivals = {label: recipes[name] for name, label in labels.items() if name != BASE}
-    found = verdict(rivals, shown[: len(guides)], shown[len(guides) :], evaluations=evaluations)
-    return SearchVerdict(measured, single, compare_networks(shown, labels[single]), found)
+    found = verdict(rivals, shown[: len(guided)], shown[len(guided) :], evaluations=evaluations)
+    return SearchVerdict(measured, single, compare_networks(shown, labels[single]), found, rivals)
+
+
+def missing(pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator], stages: int = 2) -> Missing:
+    """What :func:`search_verdict` will evaluate at most: what no store holds yet, and the stages on tests.
+
+    Args:
+        pool: whose sources are searched.
+        guides: evaluators of the benchmarks that guide.
+        tests: evaluators of those that do not.
+        stages: how many recipes the search will bring.
+    """
+    known = [pool.base_recipe(), *(pool.equal(name) for name in pool.names), pool.uniform()]
+    counts = [(one, one.missing(known)) for one in _judging(guides)]
+    counts += [(one, one.missing(known) + stages) for one in tests]
+    return Missing(
+        sum(count for _, count in counts), sum(count * len(one.benchmark) for one, count in counts)
+    )
+
+
+def _judging(guides: Sequence[Evaluator]) -> list[Evaluator]:
+    """The guides with ground truth; all where there is none."""
+    return [guide for guide in guides if guide.metric.needs_truth] or list(guides)
 
 
 def _shown(score: float) -> str:
     return "" if math.isnan(score) else f"{score:.2f}"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -12,7 +12,9 @@ import typer
 
 from sfkit.analysis.inspection import recipe_lines
 from sfkit.analysis.overfit import holdout_check
+from sfkit.analysis.search_verdict import missing
 from sfkit.analysis.trust import trust_of
+from sfkit.cli.judging import Judge
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
@@ -34,12 +36,13 @@ from sfkit.cli.panels import (
     Stage1Options,
     Stage2Options,
 )
-from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
+from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.changes import LABEL
 from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.estimate import Estimate
+from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.holdout import LEAST
 from sfkit.merging import Pool
 from sfkit.merging.saving import read_recipe
@@ -72,12 +75,16 @@ def search(
         str | None,
         typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
     ] = None,
+    test: Annotated[
+        list[str] | None,
+        typer.Option("--test", help="Test on NAME,root=FOLDER,..., which guides nothing; may be repeated."),
+    ] = None,
     store: StoreOption = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
-    """Search Stage 1 (which sources) and Stage 2 (how), and write the merged network.
+    """Search Stage 1 (which sources) and Stage 2 (how), write the merged network, and say what to deploy.
 
     Interrupted, it goes on where it was when it is started again with the same folder.
 
@@ -87,6 +94,7 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --method bayesian --batch 4
       sfkit search pool.toml -b pairs -r ~/pairs --subset a,b --evaluations 200
       sfkit search pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst --holdout 0.5
+      sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
     """
     plan = Plan(
         subset=_subset(subset, subset_from),
@@ -100,6 +108,7 @@ def search(
     )
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     guides, combine = guides_of(data.open(), guidance), guidance.combine
+    tests = tests_of(test, guides)
     kept_in = store or out / STORE
     places = Places(start=start, subset_from=subset_from, csv=data.csv)
     places.folder("--out", out, (*OUTPUTS, SEARCH, LOCK))
@@ -109,32 +118,37 @@ def search(
     opened = pool_of(pool, blocks)
     plan.check(opened)
     guide = guide_of(opened, guides, combine, compute)
+    judges = [Evaluator(opened, one, compute=compute) for one in tests]
     with (
         run_folder(out, plan.identity(opened, guide), force=force) as folder,
         scoring(opened, guide, kept_in) as (evaluators, scorer),
     ):
+        judges = [one.with_store(evaluators[0].store) for one in judges]
         if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
             say(doubt)
         price = cost(opened, evaluators, plan)
         say(f"cost: {price}")
+        say(f"verdict: {missing(opened, evaluators, judges, stages=1 if plan.stage2 is None else 2)}")
         if other := _other_cost(plan, price, opened):
             say(other)
         if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
-        found = search_pool(opened, scorer, plan, folder, progress=_progress)
+        judge = Judge(opened, evaluators, judges)
+        found = search_pool(opened, scorer, plan, folder, progress=_progress, judge=judge)
         trusted = trust_of(opened, evaluators)
-    counts = {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
     changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
     metric_name = str(evaluators[0].metric) if changes is None else LABEL
     check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)
-    document = {**summary(opened, found), "folder": out, "evaluations": counts, "metric": metric_name}
+    document = {**summary(opened, found), **judge.said, "folder": out, "metric": metric_name}
+    document |= {"evaluations": judge.before, "verdict_evaluations": judge.own}
     document |= described(guides, combine)
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}
-    text = _text(found, evaluators[0].metric if changes is None else None, counts)
+    text = _text(found, evaluators[0].metric if changes is None else None, judge.before)
     if trusted is not None:
         document |= trust_entry(trusted)
         text = "\n".join([text, *trust_lines(trusted)])
-    emit(document, text if check is None else f"{text}\n{check.sentence}", as_json=json)
+    text = text if check is None else f"{text}\n{check.sentence}"
+    emit(document, "\n".join([*judge.lines(found), text]), as_json=json)
 
 
 def _sized(plan: Plan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> Plan:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,10 @@ from sfkit.datasets.unlabelled import UNLABELLED
 from sfkit.errors import InputError
 from sfkit.evaluation import CombinedScorer, Compute, Evaluator
 from sfkit.evaluation.changes import LABEL
+from sfkit.evaluation.separation import check_separation
 from sfkit.merging import Pool
+
+PERCENT = "bad-1.0"  # of tests in pixels where the guide, without ground truth, is in percent
 
 
 def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
@@ -29,7 +32,24 @@ def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
     """
     if guidance.combine not in ("mean", "worst"):
         raise InputError(f"--combine: found {guidance.combine!r}, expected mean or worst")
-    return (first, *(_also(text, first.metric) for text in guidance.also or ()))
+    return _distinct([first, *(_named("--also", text, first.metric) for text in guidance.also or ())])
+
+
+def tests_of(texts: Sequence[str] | None, guides: Sequence[Benchmark]) -> tuple[Benchmark, ...]:
+    """The benchmarks of ``--test``, each under its own metric where that has the guides' unit.
+
+    Raises:
+        InputError: one cannot be understood, or shares a pair with what guides.
+    """
+    guide = Metric.parse(next((g.metric for g in guides if Metric.parse(g.metric).needs_truth), PERCENT))
+    tests = []
+    for text in texts or ():
+        test = _named("--test", text, None)
+        alike = Metric.parse(test.metric).unit == guide.unit
+        tests.append(test if alike else test.measured_by(metric=guide.name))
+    found = _distinct([*guides, *tests])[len(guides) :]
+    check_separation(guides, found)
+    return found
 
 
 def guide_of(
@@ -100,19 +120,31 @@ def trust_lines(trusted: Trust) -> list[str]:
     return [trusted.sentence] if trusted.trusted else []
 
 
-def _also(text: str, metric: str) -> Benchmark:
+def _distinct(benchmarks: Sequence[Benchmark]) -> tuple[Benchmark, ...]:
+    """Folders of one name are told apart: the second of ``pairs`` is ``pairs (2)``."""
+    found: dict[str, Benchmark] = {}
+    for one in benchmarks:
+        name, number = one.name, 1
+        while name in found:
+            number += 1
+            name = f"{one.name} ({number})"
+        found[name] = replace(one, name=name)
+    return tuple(found.values())
+
+
+def _named(option: str, text: str, metric: str | None) -> Benchmark:
     """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``,
-    or by its own where only one of the two needs ground truth.
+    or by its own where none is given or only one of the two needs ground truth.
     """
     if not names(text):
-        raise InputError("--also is empty, expected a benchmark such as kitti2012,root=~/KITTI")
+        raise InputError(f"{option} is empty, expected a benchmark such as kitti2012,root=~/KITTI")
     name, *entries = names(text)
-    own = name == UNLABELLED or not Metric.parse(metric).needs_truth
+    own = metric is None or name == UNLABELLED or not Metric.parse(metric).needs_truth
     values: dict[str, Any] = {"name": name} if own else {"name": name, "metric": metric}
     for entry in entries:
         key, equals, value = (piece.strip() for piece in entry.partition("="))
         if not equals:
-            raise InputError(f"--also: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
+            raise InputError(f"{option}: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
         values[key] = int(value) if key in ("pairs", "every") and value.isdecimal() else value
     (benchmark,) = open_benchmarks([values])
     benchmark.ensure_scorable()

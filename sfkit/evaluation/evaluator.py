@@ -208,6 +208,11 @@ class Evaluator:
                     progress(len(known), total)
         return [known[key] for key in keys]
 
+    def missing(self, recipes: Sequence[Recipe]) -> int:
+        """How many of these recipes the store does not hold, equal ones once."""
+        keys = {evaluation_key(self.describe(recipe)) for recipe in recipes}
+        return sum(self.store.get(key) is None for key in keys)
+
     def score(self, images: Sequence[ImageErrors], metric: str | Metric | None = None) -> float:
         """A benchmark score from per-image errors under the benchmark's protocol, in the metric's unit."""
         return self.benchmark.rule.aggregate(images, metric or self.metric)

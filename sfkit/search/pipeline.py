@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,7 @@ _PROPOSED = BayesianSubsetSettings().generations
 _SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
 
 StageCallback = Callable[[str, Generation[Any]], None]
+JudgeCallback = Callable[["Found"], Mapping[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -216,6 +217,9 @@ class Found:
         merged: the merged network's file.
         folder: where journal, tables and recipe lie.
         routing: the finished search of Stage 2; None where it was left out.
+        stages: ``Stage 1``, ``Stage 1+2``, as far as they were run -> recipe; equal weights of the subset
+            and ``Stage 2`` where the subset was given.
+        evaluations: the same names -> recipes that finding each took, in the store before or not.
     """
 
     recipe: Recipe
@@ -225,6 +229,8 @@ class Found:
     merged: Path
     folder: Path
     routing: RoutingSearch | None = None
+    stages: Mapping[str, Recipe] = field(default_factory=dict)
+    evaluations: Mapping[str, int] = field(default_factory=dict)
 
 
 def search_pool(
@@ -235,13 +241,15 @@ def search_pool(
     *,
     progress: StageCallback | None = None,
     force: bool = False,
+    judge: JudgeCallback | None = None,
 ) -> Found:
     """Run the plan and write what it finds.
 
     Writes into ``folder``: ``journal.jsonl`` (for viewers), ``stage1.csv`` and ``stage2.csv`` (every
     candidate), ``recipe.json``, ``merged.safetensors`` and ``result.json``. Run again with the same
     store, a finished search is read back and an interrupted one goes on where it was; ``result.json`` names
-    no place and no time, so that it is the same to the last byte.
+    no place and no time, so that it is the same to the last byte. It is written last: ``judge`` hears what
+    was found before, and what it says stands in there too.
 
     Args:
         pool: whose sources are chosen and mixed.
@@ -250,6 +258,7 @@ def search_pool(
         folder: where to write, or a folder that the caller holds already.
         progress: hears of every generation.
         force: whether what another search left in the folder may be replaced.
+        judge: says on what was found what ``result.json`` holds besides.
 
     Raises:
         InputError: constraints or settings do not suit the pool, or the folder is another search's
@@ -259,34 +268,48 @@ def search_pool(
     """
     plan.check(pool)
     if isinstance(folder, RunFolder):
-        return _search(pool, scorer, plan, folder.path, progress)
+        return _search(pool, scorer, plan, folder.path, progress, judge)
     with run_folder(folder, plan.identity(pool, scorer), force=force) as run:
-        return _search(pool, scorer, plan, run.path, progress)
+        return _search(pool, scorer, plan, run.path, progress, judge)
 
 
-def _search(pool: Pool, scorer: Scorer, plan: Plan, folder: Path, progress: StageCallback | None) -> Found:
+def _search(
+    pool: Pool,
+    scorer: Scorer,
+    plan: Plan,
+    folder: Path,
+    progress: StageCallback | None,
+    judge: JudgeCallback | None,
+) -> Found:
     journal = Journal(folder / "journal.jsonl")
     subset, first, second, known = plan.subset, None, None, plan.known(pool, scorer)
     stage2: RoutingSearch | None = None
+    stages: dict[str, Recipe] = {}
+    spent: dict[str, int] = {}
     if subset is None:
         stage1 = plan.subset_search(pool, scorer, journal, known)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
         write_text(folder / "stage1.csv", stage1.history.to_csv(index=False))
         subset = first.subset
+        stages["Stage 1"], spent["Stage 1"] = first.recipe, stage1.counts.distinct
         known = _with_own(known, stage1)
+    else:
+        stages["equal weights"], spent["equal weights"] = pool.equal(*subset), 1
     best: SubsetCandidate | RoutingCandidate | None = first
     if plan.stage2 is not None:
         stage2 = plan.routing_search(pool, subset, scorer, journal, known)
         second = stage2.run(None if progress is None else lambda g: progress("Stage 2", g))
         write_text(folder / "stage2.csv", stage2.history.to_csv(index=False))
-        best = second
+        best, name = second, "Stage 2" if first is None else "Stage 1+2"
+        stages[name], spent[name] = second.recipe, stage2.counts.distinct + spent.get("Stage 1", 0)
     if best is None:
         raise InputError("the plan has neither stage, expected something to search")
     write_text(folder / "recipe.json", pool.signed(best.recipe).to_json())
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
     ensure_as_scored(pool, best.recipe, scorer, merged)
-    found = Found(best.recipe, best.score, first, second, merged, folder, stage2)
-    write_text(folder / "result.json", json.dumps(summary(pool, found), indent=2))
+    found = Found(best.recipe, best.score, first, second, merged, folder, stage2, stages, spent)
+    judged = {} if judge is None else judge(found)
+    write_text(folder / "result.json", json.dumps({**summary(pool, found), **judged}, indent=2))
     return found
 
 

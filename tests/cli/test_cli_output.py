@@ -215,10 +215,34 @@ def test_search(shell: Shell, world: Path) -> None:
     stored = json.loads((world / "run" / "result.json").read_text())
     assert stored.items() <= document.items()
     assert read_recipe(world / "run" / "merged.safetensors").as_dict() == document["recipe"]
+    assert document["verdict_evaluations"]["computed"] > 0, "base, at least, is no subset"
+    verdict = document["verdict"]
+    assert verdict["recommended"] == verdict["preferred_by_validation"], "there is no test to overrule it"
+    assert verdict["networks"]["Stage 1+2"]["validation"] == pytest.approx(document["score"])
     text, progress = shell(line)
+    assert text.startswith(verdict["sentence"])
     assert "cost: at most 14 evaluations of 2 pairs" in progress
+    assert "verdict: at most 0 evaluations more, 0 image pairs" in progress, "all are in the store by now"
     assert "few pairs: what Stage 2 gains on 2 need not show elsewhere" in progress
     assert f"best epe: {document['score']:.4f} px" in text
+
+
+def test_a_search_is_tested_on_what_guided_nothing(shell: Shell, world: Path) -> None:
+    write_pairs(world / "fresh" / "pairs", 6, shift=4)
+    line = f"search pool {PAIRS} --population 4 --generations 1 --evaluations 0 -o tested --yes"
+    text, progress = shell(f"{line} --test pairs,root=fresh/pairs")
+    assert "verdict: at most 10 evaluations more, 44 image pairs" in progress, "4 on 2 pairs, 6 on 6"
+    head, *rows = text.splitlines()[1:6]
+    assert head.split()[:3] == ["network", "validation", "unseen"]
+    assert [row.split()[0] for row in rows] == ["base", "best", "uniform", "Stage"]
+    scored = shell.json("evaluate pool -b pairs -r fresh/pairs --uniform")["scores"][0]["score"]
+    assert f"{scored:.2f}" in rows[2].split()
+    assert "On what guided nothing (pairs (2))" in text
+    stored = json.loads((world / "tested" / "result.json").read_text())["verdict"]
+    assert stored["tests"] == ["pairs (2)"], "two folders of one name are told apart"
+    assert stored["networks"]["uniform"]["unseen"] == pytest.approx(scored)
+    _, refusal = shell(f"{line} --test pairs,root=pairs", code=2)
+    assert "among the pairs that guide the search" in refusal
 
 
 def test_search_guarded_on_two_benchmarks(shell: Shell, world: Path) -> None:

@@ -50,7 +50,7 @@ def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:
 
 def test_evaluations_become_a_table_and_move_to_another_machine(shell: Shell) -> None:
     here = shell.json(f"{SEARCH} -o here")
-    computed = here["evaluations"]["computed"]
+    computed = here["evaluations"]["computed"] + here["verdict_evaluations"]["computed"]
     assert shell.json("runs export here/evaluations.sqlite -o table.csv")["evaluations"] == computed
     table = pd.read_csv("table.csv")
     assert table.groupby("key")["image"].nunique().tolist() == [2] * computed
@@ -62,7 +62,7 @@ def test_evaluations_become_a_table_and_move_to_another_machine(shell: Shell) ->
     again = shell.json("runs import here/evaluations.sqlite --into there/evaluations.sqlite")
     assert (again["copied"], again["already_there"]) == (0, computed)
     there = shell.json(f"{SEARCH} -o there")
-    assert there["evaluations"]["computed"] == 0
+    assert (there["evaluations"]["computed"], there["verdict_evaluations"]["computed"]) == (0, 0)
     assert there["recipe"] == here["recipe"]
     _, said = shell("runs export nowhere.sqlite -o more.csv", code=2)
     assert "nowhere.sqlite: no such file, expected an evaluation store" in said

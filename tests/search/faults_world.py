@@ -139,6 +139,11 @@ class Run:
         return [pd.read_csv(file, dtype=str).drop(columns=TIMING) for file in files]
 
 
+def computed(document: dict[str, Any]) -> int:
+    """What a search computed, its verdict included."""
+    return int(document["evaluations"]["computed"] + document["verdict_evaluations"]["computed"])
+
+
 def ended(pid: int) -> bool:
     """True once a process has ended, waited for or not."""
     try:

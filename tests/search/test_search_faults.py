@@ -9,7 +9,7 @@ from contextlib import closing
 from datetime import datetime
 
 import pytest
-from faults_world import Run, Searches, assert_same_end, content, ended
+from faults_world import Run, Searches, assert_same_end, computed, content, ended
 
 from sfkit.evaluation.store import EvaluationStore
 from sfkit.search.following import FollowedJournal
@@ -35,7 +35,7 @@ def test_a_search_on_a_full_disk_says_so_and_goes_on_when_there_is_room(
         assert full < len(stored) < len(expected), "the more room, the more is stored"
         full = len(stored)
         assert content(stored) == content(expected[:full])
-        assert run.finish()["evaluations"]["computed"] == len(expected) - full
+        assert computed(run.finish()) == len(expected) - full
         assert run.rows()[:full] == stored
         assert_same_end(run, whole)
 
@@ -130,5 +130,5 @@ def test_a_damaged_write_ahead_log_costs_evaluations_but_no_result(searches: Sea
     with closing(sqlite3.connect(run.store)) as db:
         left = db.execute("SELECT COUNT(*) FROM evaluations").fetchone()[0]
     assert 0 < left < len(expected) // 2
-    assert run.finish()["evaluations"]["computed"] == len(expected) - left
+    assert computed(run.finish()) == len(expected) - left
     assert_same_end(run, whole)

@@ -12,7 +12,7 @@ import signal
 import time
 
 import pytest
-from faults_world import Run, Searches, assert_same_end, content
+from faults_world import Run, Searches, assert_same_end, computed, content
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork: run it on Linux")
 
@@ -43,7 +43,7 @@ def test_a_search_killed_at_a_random_moment_ends_bit_identically(
         assert not (run.folder / "result.json").exists()
 
         resumed = run.finish()
-        assert resumed["evaluations"]["computed"] == total - stored
+        assert computed(resumed) == total - stored
         assert run.rows()[:stored] == kept, "what was stored is not touched"
         assert_same_end(run, whole)
         shutil.rmtree(run.folder)

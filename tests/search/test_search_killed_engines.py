@@ -16,7 +16,7 @@ from contextlib import closing
 
 import pytest
 from clusters import ENVIRONMENT, LEAVES_TO_THE_COLLECTOR, assert_all_end, descendants, two_nodes
-from faults_world import Run, Searches, assert_same_end, content
+from faults_world import Run, Searches, assert_same_end, computed, content
 
 pytestmark = [
     pytest.mark.slow,
@@ -51,7 +51,7 @@ def test_a_killed_search_takes_the_ray_it_started_along(searches: Searches, whol
     assert_all_end(started)
     stored = run.count()
     assert 0 < stored < len(whole.rows())
-    assert run.finish()["evaluations"]["computed"] == len(whole.rows()) - stored
+    assert computed(run.finish()) == len(whole.rows()) - stored
     assert_same_end(run, whole)
 
 
@@ -79,6 +79,6 @@ def killed_on_the_way(searches: Searches, whole: Run, engine: str, environment: 
         copy.folder.mkdir()
         with closing(sqlite3.connect(run.store)) as source, closing(sqlite3.connect(copy.store)) as target:
             source.backup(target)
-        assert copy.finish()["evaluations"]["computed"] == total - len(stored)
+        assert computed(copy.finish()) == total - len(stored)
         assert copy.rows()[: len(stored)] == stored
         assert_same_end(copy, whole)

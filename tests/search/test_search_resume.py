@@ -94,6 +94,11 @@ class Run:
         return pd.read_csv(self.folder / f"{stage}.csv", dtype=str).drop(columns=TIMING)
 
 
+def computed(document: dict[str, Any]) -> int:
+    """What a search computed, its verdict included."""
+    return int(document["evaluations"]["computed"] + document["verdict_evaluations"]["computed"])
+
+
 @pytest.fixture
 def world(tmp_path: Path) -> Path:
     write_pool(tmp_path / "pool", 5)
@@ -107,9 +112,11 @@ def test_a_killed_search_ends_bit_identically_and_evaluates_nothing_twice(
     whole, killed = Run(world, "whole"), Run(world, "killed")
     reference = whole.finish()
     total = whole.rows()
-    assert reference["evaluations"]["computed"] == total
+    assert computed(reference) == total
+    judged = reference["verdict_evaluations"]["computed"]
+    assert judged > 0, "base is no candidate of either stage"
     stage1 = len({key for key, *_ in whole.evaluations()} & set(whole.table("stage1")["key"]))
-    assert 6 < stage1 < total - 8, "both stages have a middle"
+    assert 6 < stage1 < total - judged - 8, "both stages have a middle"
 
     killed.kill_at(4)
     first = killed.evaluations()
@@ -118,13 +125,14 @@ def test_a_killed_search_ends_bit_identically_and_evaluates_nothing_twice(
 
     killed.kill_at(stage1 + 5)
     second = killed.evaluations()
-    assert stage1 < len(second) < total, "in the middle of Stage 2"
+    assert stage1 < len(second) < total - judged, "in the middle of Stage 2"
     assert second[: len(first)] == first
     assert (killed.folder / "stage1.csv").exists()
     assert not (killed.folder / "stage2.csv").exists()
 
     resumed = killed.finish()
-    assert resumed["evaluations"]["computed"] == total - len(second)
+    assert resumed["evaluations"]["computed"] == total - judged - len(second), "no search evaluation again"
+    assert resumed["verdict_evaluations"]["computed"] == judged
     assert resumed["evaluations"]["failed"] == 0
     assert killed.rows() == total
     assert killed.evaluations()[: len(second)] == second
@@ -138,7 +146,7 @@ def test_a_killed_search_ends_bit_identically_and_evaluates_nothing_twice(
     with pytest.raises(SystemExit, match=r"^0$"):
         main([*LINE, killed.name])
     again = json.loads(capsys.readouterr().out)
-    assert again["evaluations"]["computed"] == 0
+    assert computed(again) == 0
     assert again["score"] == reference["score"]
     assert killed.rows() == total
 
@@ -166,9 +174,10 @@ def test_two_searches_share_one_store(
                     "--json",
                 ]
             )
-        counts.append(json.loads(capsys.readouterr().out)["evaluations"])
+        counts.append(json.loads(capsys.readouterr().out))
     with closing(sqlite3.connect(world / "s.sqlite")) as db:
         distinct = db.execute("SELECT COUNT(DISTINCT key) FROM evaluations").fetchone()[0]
-    assert counts[0]["computed"] + counts[1]["computed"] == distinct
-    assert counts[1]["cached"] > 0
-    assert counts[2]["computed"] == 0
+    assert computed(counts[0]) + computed(counts[1]) == distinct
+    assert counts[1]["evaluations"]["cached"] > 0
+    assert computed(counts[2]) == 0
+    assert counts[1]["verdict_evaluations"]["computed"] == 0, "a pool's own networks are judged once"

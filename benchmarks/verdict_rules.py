@@ -1,0 +1,232 @@
+"""Evidence for the verdict's rule: what each candidate rule would have deployed, judged on unseen pairs.
+
+    python benchmarks/verdict_rules.py --minutes 60   # go on with what is missing, at most so long
+    python benchmarks/verdict_rules.py --list         # what there is to do, and what is done
+    python benchmarks/results.py verdict-rules        # write what is there into docs/results.md
+
+A run is both stages guided by a few pairs, drawn anew for each seed. All rules see the same evaluations.
+Every one goes through a store, so that a run can be interrupted at any moment. The real pool needs
+SFKIT_REAL_DATA.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial
+from itertools import combinations
+from pathlib import Path
+
+import evidence_bank
+import evidence_real
+import numpy as np
+import pandas as pd
+import torch
+
+import sfkit
+from sfkit.analysis.measured import Measured, measure_with
+from sfkit.analysis.verdict import estimate_between, simplicity
+from sfkit.bank import VALIDATION, benchmark, benchmarks
+from sfkit.evaluation.metrics import ImageErrors
+from sfkit.merging import Pool, Recipe
+
+FOLDER = Path(os.environ.get("SFKIT_EVIDENCE", Path(__file__).parents[1] / "runs" / "evidence")) / "rules"
+POPULATION, GENERATIONS, EVALUATIONS = 12, 3, 40
+BANK_SEEDS = {3: 4, 5: 4, 8: 4}
+"""Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
+TEST_PAIRS = 8
+REAL_PAIRS = 3
+DRAWS = 200
+"""Bootstrap resamples of the validation pairs."""
+RULES = {
+    "best": "best on validation",
+    "1 SE": "simplest within one standard error",
+    "2 SE": "simplest within two standard errors",
+    "bagged": "bootstrap-averaged winner",
+    "vote": "most frequent bootstrap winner",
+}
+STAGE1, ROUTED = "Stage 1", "Stage 1+2"
+
+Networks = Mapping[str, Recipe]
+
+
+def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
+    """Every run by name, in an order that serves bank and real pool alike."""
+    runs = sorted((seed, pairs) for pairs, seeds in BANK_SEEDS.items() for seed in range(seeds))
+    found: list[tuple[float, str, Callable[[Path], pd.DataFrame]]] = [
+        (place / len(runs), f"bank-{pairs:02d}-{seed}", partial(on_bank, pairs, seed))
+        for place, (seed, pairs) in enumerate(runs)
+    ]
+    if "SFKIT_REAL_DATA" in os.environ:
+        splits = list(combinations(evidence_real.PAIRS, REAL_PAIRS))
+        for seed, guides in enumerate(splits):
+            found.append((seed / len(splits), f"real-{'+'.join(guides)}", partial(on_real, guides, seed)))
+    return {name: job for _, name, job in sorted(found, key=lambda one: one[0])}
+
+
+def on_bank(pairs: int, seed: int, folder: Path) -> pd.DataFrame:
+    """Guided by pairs of the validation world, judged on the other three."""
+    order = np.random.default_rng([seed, 7]).permutation(40)
+    chosen = benchmark(VALIDATION).select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
+    with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
+        pool = evidence_bank.opened()
+        judges = [judge.with_store(store) for judge in _bank_judges()]
+        return judged(pool, [sfkit.Evaluator(pool, chosen, store=store)], judges, seed)
+
+
+def on_real(guides: Sequence[str], seed: int, folder: Path) -> pd.DataFrame:
+    """Guided by three of five pairs of different data sets, judged on the other two."""
+    with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
+        found = {name: one.with_store(store) for name, one in evidence_real.evaluators().items()}
+        scorers = [found[name] for name in guides]
+        judges = [one for name, one in found.items() if name not in guides]
+        return judged(evidence_real.opened(), scorers, judges, seed)
+
+
+def judged(
+    pool: Pool, guides: Sequence[sfkit.Evaluator], judges: Sequence[sfkit.Evaluator], seed: int
+) -> pd.DataFrame:
+    """Both stages, what each rule takes of them, and its score on what guided nothing: a row a rule."""
+    scorer = guides[0] if len(guides) == 1 else sfkit.CombinedScorer(guides)
+    stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
+    first = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1)
+    best1 = first.run()
+    stage2 = sfkit.RoutingSettings(evaluations=EVALUATIONS, seed=seed)
+    second = sfkit.RoutingSearch(best1.subset, pool.blocks, scorer, stage2)
+    best2 = second.run()
+    searched = {
+        f"{stage} {c.number}": c.recipe
+        for stage, search in (("1", first), ("2", second))
+        for c in search.candidates
+        if not (c.repeated or c.failed)
+    }
+    named = {name: pool.equal(name) for name in pool.names}
+    named |= {"uniform": pool.uniform(), STAGE1: best1.recipe, ROUTED: best2.recipe}
+    validation = pooled(measure_with(guides, {**named, **searched}))
+    choices, bagged = chosen(named, searched, validation, seed)
+    names = {**named, "bagged": bagged}
+    tests = measure_with(judges, {name: names[name] for name in {*choices.values(), STAGE1, ROUTED}})
+    guided = pooled(measure_with(guides, {"bagged": bagged}))
+    rows = []
+    for rule, name in choices.items():
+        rows.append(
+            {
+                "rule": rule,
+                "network": name,
+                "rung": simplicity(names[name])[0],
+                "seed": seed,
+                "pairs": len(validation.ids),
+                "subset": "+".join(best1.subset),
+                "validation": (guided if name == "bagged" else validation).score(name),
+                "validation:stage1": validation.score(STAGE1),
+                "unseen": mean(tests, name),
+                "unseen:stage1": mean(tests, STAGE1),
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def chosen(
+    named: Networks, searched: Networks, validation: Measured, seed: int
+) -> tuple[dict[str, str], Recipe]:
+    """Rule -> the network it takes; and the average of what wins bootstrap resamples of the pairs.
+
+    The first three rules and the vote choose among the networks a verdict has; the average is over the
+    winners among everything the stages scored.
+    """
+    scores = {name: validation.score(name) for name in named}
+    rungs = {name: simplicity(recipe) for name, recipe in named.items()}
+    best = min(scores, key=lambda name: (scores[name], rungs[name]))
+    choices = {"best": best}
+    for errors in (1, 2):
+        close = [best]
+        for name in named:
+            between = estimate_between([validation], best, name)
+            if rungs[name] < rungs[best] and between and -between.value <= errors * between.error:
+                close.append(name)
+        choices[f"{errors} SE"] = min(close, key=lambda name: (rungs[name], scores[name]))
+    generator = np.random.default_rng([seed, 11])
+    resamples = generator.integers(len(validation.ids), size=(DRAWS, len(validation.ids)))
+    winners = Counter(winning(list(searched), validation, resamples))
+    votes = Counter(winning(list(named), validation, resamples))
+    return {**choices, "bagged": "bagged", "vote": votes.most_common(1)[0][0]}, averaged(searched, winners)
+
+
+def winning(names: Sequence[str], validation: Measured, resamples: np.ndarray) -> list[str]:
+    """The network of least error on each resample of the pairs; the earlier one of equals."""
+    errors = np.stack([validation.terms(name)[0] for name in names])
+    return [names[place] for place in errors[:, resamples].mean(axis=2).argmin(axis=0)]
+
+
+def averaged(recipes: Networks, counts: Mapping[str, int]) -> Recipe:
+    """One recipe whose block strengths, gamma pi, are the mean of several, each as often as it won."""
+    first = next(iter(recipes.values()))
+    sources = tuple(dict.fromkeys(name for won in counts for name in recipes[won].sources))
+    strength = np.zeros((len(first.blocks), len(sources)))
+    for won, count in counts.items():
+        recipe = recipes[won]
+        for b, (row, scale) in enumerate(zip(recipe.weights, recipe.scales, strict=True)):
+            for name, weight in zip(recipe.sources, row, strict=True):
+                strength[b, sources.index(name)] += scale * weight * count / sum(counts.values())
+    scales = strength.sum(axis=1)
+    weights = strength / scales[:, None]
+    return Recipe(sources, first.blocks, tuple(map(tuple, weights.tolist())), tuple(scales.tolist()))
+
+
+def pooled(measured: Sequence[Measured]) -> Measured:
+    """Benchmarks of one metric as one: a mean over all their images, each alike."""
+    first = measured[0]
+    images: dict[str, tuple[ImageErrors, ...]] = {
+        name: tuple(image for one in measured for image in one.images[name]) for name in first.images
+    }
+    return Measured("validation", "all-valid", "pairs", first.metric, validation=True, images=images)
+
+
+def mean(measured: Sequence[Measured], name: str) -> float:
+    """The mean score over benchmarks."""
+    return math.fsum(one.score(name) for one in measured) / len(measured)
+
+
+@lru_cache
+def _bank_judges() -> tuple[sfkit.Evaluator, ...]:
+    names = [name for name in benchmarks() if name != VALIDATION]
+    return tuple(sfkit.Evaluator(evidence_bank.opened(), benchmark(n).first(TEST_PAIRS)) for n in names)
+
+
+def done(name: str) -> Path:
+    """The file of a finished run."""
+    return FOLDER / f"{name}.csv"
+
+
+def results(prefix: str) -> pd.DataFrame:
+    """All finished runs whose name begins so, as one table."""
+    frames = [pd.read_csv(path) for path in sorted(FOLDER.glob(f"{prefix}*.csv"))]
+    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run what is missing."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing after so long")
+    parser.add_argument("--list", action="store_true", help="print the names and what is done")
+    options = parser.parse_args(arguments)
+    torch.set_num_threads(1)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    if options.list:
+        print("\n".join(f"{'done   ' if done(name).is_file() else 'missing'} {name}" for name in jobs()))
+        return
+    end = time.monotonic() + 60 * options.minutes
+    for name, job in jobs().items():
+        if done(name).is_file() or time.monotonic() > end:
+            continue
+        began = time.process_time()
+        job(FOLDER).to_csv(done(name), index=False)
+        print(f"{name}: {time.process_time() - began:.0f} CPU seconds", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""The verdict at the end of ``sfkit search``, and what it took beside the search."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from sfkit.analysis.search_verdict import SearchVerdict, search_verdict
+from sfkit.cli.options import say
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.merging import Pool
+from sfkit.search.pipeline import Found
+
+
+class Judge:
+    """Says the verdict on what was found, and counts what that took apart from the search."""
+
+    def __init__(self, pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator]) -> None:
+        self._pool, self._guides, self._tests = pool, guides, tests
+        self.before: dict[str, float] = {}
+        self.own: dict[str, float] = {}
+        self.said: dict[str, Any] = {}
+        self._verdict: SearchVerdict | None = None
+
+    def __call__(self, found: Found) -> Mapping[str, Any]:
+        self.before = _counts(self._guides)
+        say(f"verdict: beside base, {len(self._pool.names)} sources and uniform")
+        self._verdict = search_verdict(
+            self._pool, found.stages, self._guides, self._tests, evaluations=found.evaluations
+        )
+        both = _counts([*self._guides, *self._tests])
+        self.own = {name: value - self.before[name] for name, value in both.items()}
+        self.said = {"verdict": self._verdict.as_dict()}
+        return self.said
+
+    def lines(self, found: Found) -> list[str]:
+        """The verdict; and how to get its network where the search wrote another."""
+        assert self._verdict is not None
+        lines = [*self._verdict.lines]
+        if self._verdict.recipe != found.recipe:
+            subset = ",".join(self._verdict.recipe.sources)
+            lines.append(
+                f"{found.merged} is what scores best on validation; for {self._verdict.verdict.recommended}: "
+                f"sfkit merge POOL --subset {subset} --out FILE"
+            )
+        return lines
+
+
+def _counts(evaluators: Sequence[Evaluator]) -> dict[str, float]:
+    """What these evaluators did, together."""
+    return {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
