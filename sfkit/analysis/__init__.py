@@ -51,6 +51,7 @@ from sfkit.analysis.tables import (
     latex_table,
     markdown_table,
     ranks,
+    shown,
     source_table,
     styled,
 )
@@ -136,6 +137,7 @@ __all__ = [
     "score_grid",
     "seed_spread",
     "selection_statistics",
+    "shown",
     "similarity_recipes",
     "simplicity",
     "source_table",

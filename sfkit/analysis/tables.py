@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -98,7 +99,23 @@ def styled(
     """The table for a notebook: best bold, second best underlined, numbers with ``digits`` decimals."""
     marks = ranks(table, along=along, columns=columns)
     css = marks.map(lambda mark: _CSS.get(mark, ""))
-    return table.style.format(precision=digits, na_rep="–").apply(lambda _: css, axis=None)
+    return shown(table, digits=digits).apply(lambda _: css, axis=None)
+
+
+def shown(table: pd.DataFrame, *, digits: int = 2) -> Styler:
+    """The table for a notebook: numbers with ``digits`` decimals, every name as the text it is.
+
+    pandas escapes the names in a plain table and leaves them as HTML in a styled one.
+    """
+    table = table.copy(deep=False)
+    table.index, table.columns = (
+        labels.set_names([None if name is None else html.escape(str(name)) for name in labels.names])
+        for labels in (table.index, table.columns)
+    )
+    style = table.style.format(precision=digits, na_rep="–", escape="html")
+    for axis in (0, 1):
+        style = style.format_index(escape="html", precision=digits, axis=axis)
+    return style
 
 
 def latex_table(

@@ -23,6 +23,7 @@ from sfkit import bank
 from sfkit.analysis import contenders
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
 from sfkit.evaluation.compute import HERE, PARAMETERS, Compute
+from sfkit.evaluation.engines.spawned import SAFE_PATH
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
@@ -156,8 +157,15 @@ def _scored_meanwhile(path: Path, compute: Compute) -> Iterator[dict[str, Future
     torch.set_num_threads(max(1, min(threads, (os.cpu_count() or 1) - 1)))
     spawned = multiprocessing.get_context("spawn")
     workers = ProcessPoolExecutor(1, mp_context=spawned, initializer=torch.set_num_threads, initargs=(1,))
+    former = {name: os.environ.get(name) for name in SAFE_PATH}
+    os.environ.update(SAFE_PATH)
     try:
-        yield {name: workers.submit(_score_members, path, name, compute) for name in _unseen()}
+        scored = {name: workers.submit(_score_members, path, name, compute) for name in _unseen()}
+    finally:
+        for name, value in former.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})
+    try:
+        yield scored
     finally:
         workers.shutdown(cancel_futures=True)
         torch.set_num_threads(threads)

@@ -11,6 +11,8 @@ from jupyter_client.manager import AsyncKernelManager
 from nbformat import NotebookNode
 from traitlets import default
 
+from sfkit.evaluation.engines.spawned import ISOLATED
+
 # What a notebook finds in its environment. Figures stay data, which the page draws. Bars would fill the page
 # with half-drawn lines, so tqdm is off, and SFKIT_HEADLESS tells progress code to print plain lines instead.
 ENVIRONMENT = {
@@ -26,7 +28,7 @@ class _OwnKernel(KernelSpecManager):
 
     def get_kernel_spec(self, kernel_name: str) -> KernelSpec:
         """How to start it, whatever name is asked for."""
-        start = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+        start = [sys.executable, ISOLATED, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
         return KernelSpec(
             argv=start,
             language="python",

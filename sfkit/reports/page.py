@@ -6,6 +6,7 @@ import copy
 import html
 import json
 import logging
+import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -23,11 +24,13 @@ from sfkit.reports.widgets import VIEW_MIME, SavedWidgets
 
 PLOTLY_MIME = "application/vnd.plotly.v1+json"
 
-# Whatever a notebook puts in, the page asks no one for anything. plotly draws some traces with code it
+# Whatever a notebook puts in, the page asks no one for anything, and runs its own scripts alone, with what
+# these import: they carry a number that nothing in the notebook can know. plotly draws some traces with code it
 # compiles on the spot, hence unsafe-eval.
 CONTENT_POLICY = (
-    "default-src 'none'; img-src data: blob:; font-src data:; media-src data:; frame-src data:; "
-    "style-src 'unsafe-inline'; script-src 'unsafe-inline' 'unsafe-eval' data: blob:; worker-src blob:"
+    "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data: blob:; font-src data:; "
+    "media-src data:; frame-src data:; style-src 'unsafe-inline'; "
+    "script-src 'nonce-{nonce}' 'unsafe-eval'; worker-src blob:"
 )
 
 PAGE = """<!doctype html>
@@ -105,15 +108,16 @@ def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     shown.metadata.pop("widgets", None)
     body, _ = _exporter().from_notebook_node(shown)
     files = resources.files("sfkit.reports")
-    script = files.joinpath("page.js").read_text(encoding="utf-8")
-    drawing = f"<script>{get_plotlyjs()}</script>\n<script>{script}</script>" if any(figures) else ""
+    drawing = [get_plotlyjs(), files.joinpath("page.js").read_text(encoding="utf-8")] if any(figures) else []
+    nonce = secrets.token_hex(16)
+    scripts = [f'<script nonce="{nonce}">{script}</script>' for script in (*drawing, *widgets.scripts())]
     return PAGE.format(
-        policy=CONTENT_POLICY,
+        policy=CONTENT_POLICY.format(nonce=nonce),
         title=html.escape(_title(shown, run)),
         style=_code_style() + files.joinpath("page.css").read_text(encoding="utf-8"),
         summary=_summary(run, failed),
         body=body,
-        drawing=drawing + widgets.script(),
+        drawing="\n".join([widgets.state(), *scripts]),
     )
 
 

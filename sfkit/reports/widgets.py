@@ -44,8 +44,14 @@ class SavedWidgets:
         """
         return self._place(str(view.get("model_id")), frozenset())
 
-    def script(self) -> str:
-        """What draws all widgets that were given a place, as HTML; empty where there is none."""
+    def scripts(self) -> tuple[str, ...]:
+        """What draws all widgets that were given a place; empty where there is none."""
+        if not self._placed:
+            return ()
+        return (resources.files("sfkit.reports").joinpath("widgets.js").read_text(encoding="utf-8"),)
+
+    def state(self) -> str:
+        """The state it draws, as HTML; empty where there is none."""
         if not self._placed:
             return ""
         sources: dict[str, int] = {}
@@ -57,8 +63,7 @@ class SavedWidgets:
             models[identity] = {"state": state, "buffers": entry.get("buffers", []), **shared}
         # Inside a script element only "<" could end it.
         text = json.dumps({"sources": list(sources), "models": models}).replace("<", "\\u003c")
-        code = resources.files("sfkit.reports").joinpath("widgets.js").read_text(encoding="utf-8")
-        return f'<script type="application/json" id="saved-widgets">{text}</script>\n<script>{code}</script>'
+        return f'<script type="application/json" id="saved-widgets">{text}</script>'
 
     def _place(self, identity: str, above: frozenset[str]) -> str:
         entry = self._saved.get(identity)

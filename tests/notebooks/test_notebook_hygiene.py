@@ -53,6 +53,10 @@ def test_one_cell_holds_the_parameters_as_plain_values(notebook: NotebookNode) -
         ast.literal_eval(statement.value)
 
 
+def test_its_tables_hold_names_as_text(notebook: NotebookNode) -> None:
+    assert [source for source in code(notebook) if ".style." in source] == [], "analysis.shown escapes names"
+
+
 def test_it_can_run_on_every_device_and_engine(notebook: NotebookNode) -> None:
     (parameters,) = [cell for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])]
     values = {

@@ -18,12 +18,21 @@ from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
+from sfkit.files import PACKAGE
+
 # Ctrl-C reaches every process of a terminal: the parent alone decides what becomes of its workers.
 _BOOT = (
     "import json, signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    "sys.path[:] = json.loads(sys.stdin.readline()); "
+    "first, *rest = json.loads(sys.stdin.readline()); "
+    "at = [n for n, p in enumerate(sys.path) if p.endswith('-packages')]; "
+    "sys.path.insert(at[0] if at else len(sys.path), first); "
+    "sys.path += [p for p in rest if p not in sys.path]; "
     "from sfkit.evaluation.engines.child import main; main(int(sys.argv[1]))"
 )
+ISOLATED = "-P"
+"""For Python: the working folder is no place to import from, where a ``json.py`` would be run."""
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+"""The same for Pythons that are started by others."""
 STDERR = 2
 PATIENCE = 10.0  # seconds that a process may take to end once it has been told to
 
@@ -47,7 +56,7 @@ class Spawned:
         reading, self._lifeline = os.pipe()
         try:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _BOOT, str(theirs.fileno())],
+                [sys.executable, ISOLATED, "-c", _BOOT, str(theirs.fileno())],
                 stdin=reading,
                 stdout=STDERR,  # what a network prints must not run into what a command prints
                 pass_fds=[theirs.fileno()],
@@ -58,7 +67,8 @@ class Spawned:
             theirs.close()
             os.close(reading)
         self.pid, self.owner = self._process.pid, os.getpid()
-        path = [str(Path(entry).absolute()) for entry in sys.path if isinstance(entry, str)]
+        # sfkit itself is the parent's; what else the parent can import comes after what Python brings.
+        path = [str(PACKAGE.parent), *(str(Path(entry).absolute()) for entry in sys.path)]
         with contextlib.suppress(ConnectionError):  # it has ended already: that shows on the channel
             os.write(self._lifeline, json.dumps(path).encode() + b"\n")
 
