@@ -25,8 +25,8 @@ from sfkit.reports.widgets import VIEW_MIME, SavedWidgets
 PLOTLY_MIME = "application/vnd.plotly.v1+json"
 
 # Whatever a notebook puts in, the page asks no one for anything, and runs its own scripts alone, with what
-# these import: they carry a number that nothing in the notebook can know. plotly draws some traces with code it
-# compiles on the spot, hence unsafe-eval.
+# these import: they carry a number that nothing in the notebook can know. plotly draws some traces with code
+# that it compiles on the spot, hence unsafe-eval.
 CONTENT_POLICY = (
     "default-src 'none'; base-uri 'none'; form-action 'none'; img-src data: blob:; font-src data:; "
     "media-src data:; frame-src data:; style-src 'unsafe-inline'; "
