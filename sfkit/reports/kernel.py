@@ -11,8 +11,6 @@ from jupyter_client.manager import AsyncKernelManager
 from nbformat import NotebookNode
 from traitlets import default
 
-from sfkit.evaluation.engines.spawned import ISOLATED
-
 # What a notebook finds in its environment. Figures stay data, which the page draws. Bars would fill the page
 # with half-drawn lines, so tqdm is off, and SFKIT_HEADLESS tells progress code to print plain lines instead.
 ENVIRONMENT = {
@@ -27,8 +25,8 @@ class _OwnKernel(KernelSpecManager):
     """Knows one kernel: this interpreter."""
 
     def get_kernel_spec(self, kernel_name: str) -> KernelSpec:
-        """How to start it, whatever name is asked for."""
-        start = [sys.executable, ISOLATED, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
+        """How to start it, whatever name is asked for; no module of the working folder is run (-P)."""
+        start = [sys.executable, "-P", "-m", "ipykernel_launcher", "-f", "{connection_file}"]
         return KernelSpec(
             argv=start,
             language="python",
