@@ -10,6 +10,9 @@ SOAK := tests/search/test_search_killed.py tests/search/test_search_killed_engin
 PYTEST ?=
 
 BIN := .venv/bin
+comma := ,
+# What the demo needs, and with it what all other tasks do.
+DEMO := .venv/.demo
 INSTALLED := .venv/.installed
 PEERS := .venv-peers/.installed
 # Outputs, counts, and what papermill and widgets leave behind; as in .pre-commit-config.yaml.
@@ -25,7 +28,7 @@ export OMP_NUM_THREADS ?= 1
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
 
-demo: $(INSTALLED) ## both stages on the embedded bank, in about two minutes
+demo: $(if $(wildcard $(INSTALLED)),$(INSTALLED),$(DEMO)) ## both stages on the embedded bank, in about two minutes
 	env -u OMP_NUM_THREADS $(BIN)/sfkit demo
 
 test: $(INSTALLED) ## run all tests
@@ -70,12 +73,19 @@ clean: ## remove caches and build results, but not .venv
 	find . -name __pycache__ -not -path './.venv*' -prune -exec rm -rf {} +
 
 # Made again only when what is to be installed has changed.
-$(INSTALLED): pyproject.toml constraints.txt
+define install
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "sfkit needs Python 3.11 or newer, $(PYTHON) is older: make PYTHON=python3.11 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -qq --disable-pip-version-check -c constraints.txt -e '.[dev,docs,browser,ray]'
-	@touch $@
+	$(BIN)/python -m pip install -qq --disable-pip-version-check --no-compile -c constraints.txt -e '.$(1)'
+	@touch $(2)
+endef
+
+$(DEMO): pyproject.toml constraints.txt
+	$(call install,,$@)
+
+$(INSTALLED): pyproject.toml constraints.txt
+	$(call install,[jupyter$(comma)dev$(comma)docs$(comma)browser$(comma)ray],$@)
 
 # What .venv holds, and the peers: an environment of their own that borrows the other one's packages.
 $(PEERS): $(INSTALLED) constraints-peers.txt

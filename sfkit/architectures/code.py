@@ -18,7 +18,6 @@ import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import entry_points
 from pathlib import Path
 
 from sfkit.errors import InputError
@@ -254,6 +253,8 @@ def imported_files() -> Iterator[Path]:
 
 def declared(name: str) -> object | None:
     """What an installed package declares under this architecture's name; None where none does."""
+    from importlib.metadata import entry_points
+
     for entry in entry_points(group=GROUP, name=name):
         try:
             return entry.load()  # type: ignore[no-any-return]
@@ -266,4 +267,6 @@ def declared(name: str) -> object | None:
 
 def declared_names() -> set[str]:
     """The names of all architectures that installed packages declare."""
+    from importlib.metadata import entry_points
+
     return {entry.name for entry in entry_points(group=GROUP)}

@@ -372,3 +372,9 @@ def named(builder: Callable[..., nn.Module]) -> Callable[..., nn.Module]:
     while isinstance(builder, functools.partial):
         builder = builder.func
     return builder
+
+
+# The networks that come with sfkit register themselves: whoever has the registry has them. They import it in
+# their turn, so that this stands below all they need.
+for _shipped in ("adapters", "anynet", "foundation_stereo", "nmrf"):
+    importlib.import_module(f"sfkit.architectures.{_shipped}")

@@ -8,17 +8,32 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-import torch
+if TYPE_CHECKING:
+    import torch
 
 COUNTER = "num_batches_tracked"  # batch norm's step counter: never read at inference, often absent
 
 
 def tensor_digest(tensor: torch.Tensor) -> str:
     """Digest of one tensor's dtype, shape and bytes."""
+    import torch
+
     flat = tensor.detach().contiguous().reshape(-1).view(torch.uint8) if tensor.numel() else tensor
-    digest = hashlib.sha256(f"{tensor.dtype}{tuple(tensor.shape)}".encode())
-    digest.update(flat.numpy().data)
+    return content_digest(str(tensor.dtype), tuple(tensor.shape), flat.numpy().data)
+
+
+def content_digest(dtype: str, shape: tuple[int, ...], content: bytes | memoryview) -> str:
+    """The same digest from a tensor's bytes as a file holds them.
+
+    Args:
+        dtype: as torch spells it, such as ``"torch.float32"``.
+        shape: of the tensor.
+        content: its elements in order, little-endian.
+    """
+    digest = hashlib.sha256(f"{dtype}{shape}".encode())
+    digest.update(content)
     return digest.hexdigest()
 
 

@@ -14,8 +14,6 @@ from collections import OrderedDict
 from pathlib import Path
 from typing import Any
 
-import torch
-
 ROUNDS = 500  # one for each foreign name; a file with more is no checkpoint
 _UNKNOWN = re.compile(r"Unsupported global: GLOBAL ([\w.<>]+)")
 _FILLED = re.compile(r"Can only (SETITEMS?|append|extend)\b.* but got <class '([\w.<>]+)'>")
@@ -57,6 +55,8 @@ def load_inert(path: Path, *, mapped: bool) -> object:
     Raises:
         pickle.UnpicklingError: the file holds something that even so cannot be read.
     """
+    import torch
+
     kinds: dict[str, type[Placeholder]] = {}
     for _ in range(ROUNDS):
         stand_ins = [(_placeholder(name, kind), name) for name, kind in kinds.items()]

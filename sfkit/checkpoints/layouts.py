@@ -12,12 +12,13 @@ import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeGuard
-
-import torch
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from sfkit.checkpoints.inert import foreign
 from sfkit.errors import InputError, SfkitWarning
+
+if TYPE_CHECKING:
+    import torch
 
 # In the order in which they are taken where a file has several: what was trained before its averages.
 CONTAINERS = (
@@ -85,6 +86,8 @@ def unwrap(
     Raises:
         InputError: no state dict is found; the message lists what the file holds instead.
     """
+    import torch
+
     found, state = _contained(content, path, container)
     beside: dict[str, float | str] = {}
     if found is not None and isinstance(content, Mapping):
@@ -164,6 +167,8 @@ def common_prefix(keys: Mapping[str, Any]) -> str:
 
 def _is_state(value: object) -> TypeGuard[Mapping[str, Any]]:
     """Named tensors, beside which numbers, texts and foreign objects may stand, but nothing nested."""
+    import torch
+
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         return False
     others = [entry for entry in value.values() if not isinstance(entry, torch.Tensor)]

@@ -17,14 +17,12 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError, safe_open
 
+from sfkit.checkpoints.headers import INDEX, SAFETENSORS, SUFFIXES, TORCH_SUFFIXES, is_checkpoint_name
 from sfkit.checkpoints.inert import load_inert
 from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
 from sfkit.errors import InputError, nearest
 from sfkit.files import Signature, signature
 
-TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
-SUFFIXES = (".safetensors", *TORCH_SUFFIXES)
-INDEX = ".safetensors.index.json"  # of a network in several files: which tensor is in which
 MAX_INDEX_BYTES = 64 * 2**20
 
 
@@ -50,11 +48,6 @@ class CheckpointFile:
     signatures: Mapping[Path, Signature] = field(default_factory=dict)
 
 
-def is_checkpoint_name(path: Path) -> bool:
-    """True for a file that by its ending is a checkpoint, in capitals or not."""
-    return path.suffix.lower() in SUFFIXES or path.name.endswith(INDEX)
-
-
 def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> CheckpointFile:
     """Open one checkpoint: a safetensors file or the index of several, or a torch file.
 
@@ -73,7 +66,7 @@ def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> Check
     looks = {path: signature(path)}  # before it is read: whatever is written meanwhile shows later
     if path.name.endswith(INDEX):
         return _read_shards(path, looks)
-    if path.suffix.lower() == ".safetensors":
+    if path.suffix.lower() == SAFETENSORS:
         return replace(_read_safetensors(path), signatures=looks)
     if path.suffix.lower() in TORCH_SUFFIXES:
         return replace(_read_torch(path, wrapping), signatures=looks)

@@ -10,31 +10,13 @@ from typing import TextIO
 
 import typer
 
-import sfkit
-from sfkit.cli import (
-    bank,
-    baselines,
-    cache,
-    check,
-    data,
-    demo,
-    evaluate,
-    factory,
-    finetune,
-    init,
-    merge,
-    predict,
-    report,
-    runs,
-    search,
-    show,
-)
 from sfkit.cli import code as own_code
-from sfkit.cli.groups import Command, PanelCommand, grouped
+from sfkit.cli.commands import Commands
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
     name="sfkit",
+    cls=Commands,
     help="Merge stereo-matching networks: find which fine-tuned checkpoints to mix, and how.",
     epilog=own_code.HELP,
     no_args_is_help=True,
@@ -42,34 +24,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-app.command("demo", cls=PanelCommand)(grouped(demo.demo))
-app.command("search", cls=PanelCommand)(grouped(search.search))
-app.command("finetune")(finetune.command)
-app.command("init")(init.init)
-app.command("check", cls=PanelCommand)(grouped(check.check))
-app.command("merge")(merge.merge)
-app.command("evaluate", cls=PanelCommand)(grouped(evaluate.evaluate))
-app.command("baselines", cls=PanelCommand)(grouped(baselines.baselines))
-app.command("predict")(predict.predict)
-app.command("show")(show.show)
-app.command("report")(report.report)
-app.add_typer(data.app, name="data")
-app.add_typer(factory.app, name="factory")
-app.add_typer(bank.app, name="bank")
-app.add_typer(runs.app, name="runs")
-app.add_typer(cache.app, name="cache")
-
-
-def _strict(commands: typer.Typer) -> None:
-    for one in commands.registered_commands:
-        if one.cls is None or not issubclass(one.cls, Command):
-            one.cls = Command
-    for group in commands.registered_groups:
-        if group.typer_instance is not None:
-            _strict(group.typer_instance)
-
-
-_strict(app)
 
 # typer's own copy of click names this class nowhere in public: it is what BadParameter derives from.
 UsageError: type[Exception] = typer.BadParameter.__mro__[1]
@@ -80,6 +34,8 @@ def _root(
     version: bool = typer.Option(False, "--version", help="Print the version and exit."),
 ) -> None:
     if version:
+        import sfkit
+
         typer.echo(f"sfkit {sfkit.__version__}")
         raise typer.Exit
 
@@ -100,7 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(words: list[str]) -> int:
     try:
         words, files, trusted = own_code.split(words)
-        words = report.join_parameters(words) if words[:1] == ["report"] else words
+        if words[:1] == ["report"]:
+            from sfkit.cli.report import join_parameters
+
+            words = join_parameters(words)
         with own_code.running(files, trusted=trusted):
             code = app(words, prog_name="sfkit", standalone_mode=False)
     except UsageError as error:

@@ -7,11 +7,13 @@ from typing import Annotated
 
 import typer
 
-from sfkit.bank import build as build_bank
+from sfkit.cli.groups import WholeHelp
 from sfkit.cli.options import JsonOption, emit, say
 from sfkit.errors import InputError
 
-app = typer.Typer(help="The embedded bank of trained networks.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    cls=WholeHelp, help="The embedded bank of trained networks.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @app.command("build")
@@ -32,6 +34,8 @@ def build(
     Example:
       sfkit bank build
     """
+    from sfkit.bank import build as build_bank
+
     out = out or Path("runs") / name
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file, expected a folder to build in")

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.analysis.trust import trust_of
-from sfkit.baselines import BaselineResult, BaselineRun, baseline_named, baseline_table, run_baselines
 from sfkit.cli.groups import names
 from sfkit.cli.options import (
     ForceOption,
@@ -24,9 +22,10 @@ from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
 from sfkit.errors import InputError
-from sfkit.evaluation import Evaluator
-from sfkit.evaluation.changes import LABEL
-from sfkit.evaluation.table import write_table
+
+if TYPE_CHECKING:
+    from sfkit.baselines import BaselineResult, BaselineRun
+    from sfkit.evaluation import Evaluator
 
 
 def baselines(
@@ -58,6 +57,10 @@ def baselines(
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
       sfkit baselines pool.toml -b unlabelled -r ~/drive --every 20 --names uniform,adamerging,stage1
     """
+    from sfkit.analysis.trust import trust_of
+    from sfkit.baselines import baseline_table, run_baselines
+    from sfkit.evaluation.table import write_table
+
     named = None if methods is None else _methods(methods)
     chosen, combine = data.open(), guidance.combine
     guides = guides_of(chosen, guidance)
@@ -99,6 +102,8 @@ def baselines(
 
 def _methods(text: str) -> tuple[str, ...]:
     """The methods that are asked for, refused before any of them runs."""
+    from sfkit.baselines import baseline_named
+
     found = tuple(dict.fromkeys(names(text)))
     if not found:
         raise InputError("--names is empty, expected methods such as uniform,task_arithmetic,ties")
@@ -130,6 +135,9 @@ def _entry(result: BaselineResult) -> dict[str, Any]:
 
 
 def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> str:
+    from sfkit.baselines import baseline_named, baseline_table
+    from sfkit.evaluation.changes import LABEL
+
     unlike = len({one.metric.needs_truth for one in evaluators}) > 1
     unit = "" if unlike else evaluators[0].metric.unit
     guides = [f"{one.benchmark.name} (protocol {one.benchmark.protocol})" for one in evaluators]

@@ -6,10 +6,12 @@ from datetime import datetime
 
 import typer
 
+from sfkit.cli.groups import WholeHelp
 from sfkit.cli.options import JsonOption, emit
-from sfkit.merging.cache import VectorCache
 
-app = typer.Typer(help="See and clear cached task vectors.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(
+    cls=WholeHelp, help="See and clear cached task vectors.", no_args_is_help=True, rich_markup_mode=None
+)
 
 
 @app.command("list")
@@ -20,6 +22,8 @@ def list_entries(json: JsonOption = False) -> None:
     Example:
       sfkit cache list
     """
+    from sfkit.merging.cache import VectorCache
+
     cache = VectorCache()
     entries = cache.entries()
     rows = [{"source": e.source, "bytes": e.size_bytes, "used": e.used, "name": e.name} for e in entries]
@@ -40,6 +44,8 @@ def clear(json: JsonOption = False) -> None:
     Example:
       sfkit cache clear
     """
+    from sfkit.merging.cache import VectorCache
+
     cache = VectorCache()
     freed = cache.clear()
     emit({"folder": cache.folder, "freed": freed}, f"freed {freed / 2**30:.2f} GiB", as_json=json)

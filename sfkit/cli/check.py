@@ -6,11 +6,8 @@ from typing import Annotated
 
 import typer
 
-from sfkit.analysis.linear_path import linear_paths
 from sfkit.cli.options import JsonOption, PoolArgument, emit, pool_of, say
 from sfkit.cli.panels import OptionalBenchmarkOptions
-from sfkit.evaluation import Evaluator
-from sfkit.evaluation.first_call import first_call
 
 
 def check(
@@ -26,6 +23,10 @@ def check(
       sfkit check pool.toml
       sfkit check pool.toml --benchmark eth3d --root ~/ETH3D
     """
+    from sfkit.analysis.linear_path import linear_paths
+    from sfkit.evaluation import Evaluator
+    from sfkit.evaluation.first_call import first_call
+
     opened_benchmark = None
     if data is not None:
         whole = data.open()

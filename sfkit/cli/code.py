@@ -11,7 +11,6 @@ from pathlib import Path
 import typer
 
 from sfkit.architectures import code
-from sfkit.architectures.registry import run
 from sfkit.errors import InputError
 
 HELP = (
@@ -59,6 +58,8 @@ def running(files: Sequence[Path], *, trusted: bool) -> Iterator[None]:
             code.trust_all()
         os.environ[code.IMPORT] = os.pathsep.join(str(path.absolute()) for path in files)
         for path in files:
+            from sfkit.architectures.registry import run
+
             run(path, trusted=True)
         yield
     finally:

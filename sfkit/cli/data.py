@@ -6,15 +6,12 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.groups import PanelCommand, grouped
+from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
 from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.panels import FolderOptions
-from sfkit.datasets.check import check_data
-from sfkit.datasets.check_source import check_training_set
-from sfkit.datasets.source_manifests import source_manifest_names
 from sfkit.errors import InputError
 
-app = typer.Typer(help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
+app = typer.Typer(cls=WholeHelp, help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
 
 
 @app.command("check", cls=PanelCommand)
@@ -40,6 +37,10 @@ def check(
     root = folder.root
     if root is None:
         raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
+    from sfkit.datasets.check import check_data
+    from sfkit.datasets.check_source import check_training_set
+    from sfkit.datasets.source_manifests import source_manifest_names
+
     if name in source_manifest_names():
         given = next((o for key, o in vars(folder).items() if key != "root" and o is not None), None)
         if given is not None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping
 from itertools import combinations
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import pandas as pd
 import typer
 
 from sfkit.cli.options import (
@@ -28,10 +27,13 @@ from sfkit.cli.options import (
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions
 from sfkit.errors import InputError
-from sfkit.evaluation import Evaluator
-from sfkit.evaluation.table import score_table, write_table
-from sfkit.merging import Pool, Recipe
-from sfkit.merging.steps import Step
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from sfkit.evaluation import Evaluator
+    from sfkit.merging import Pool, Recipe
+    from sfkit.merging.steps import Step
 
 
 def evaluate(
@@ -61,6 +63,9 @@ def evaluate(
       sfkit evaluate pool.toml --members --uniform -b kitti2012 -r ~/KITTI2012 --protocol all-valid
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
+    from sfkit.evaluation import Evaluator
+    from sfkit.evaluation.table import write_table
+
     chosen = data.open()
     places = Places(recipe=recipe, subset_from=subset_from, csv=data.csv)
     places.file("--out", out, ".csv", force=force)
@@ -91,6 +96,10 @@ def _scores(
     scorer: Evaluator, recipes: Mapping[str, Recipe], pools: Mapping[tuple[Step, ...], Pool]
 ) -> pd.DataFrame:
     """The table of all recipes; each preparation of task vectors has a pool and an evaluator of its own."""
+    import pandas as pd
+
+    from sfkit.evaluation.table import score_table
+
     groups: dict[tuple[Step, ...], dict[str, Recipe]] = {}
     for name, recipe in recipes.items():
         groups.setdefault(recipe.preparation, {})[name] = recipe

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.cli.groups import PanelCommand, grouped
+from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
 from sfkit.cli.options import JsonOption, emit, say
 from sfkit.cli.panels import ComputeOptions
-from sfkit.factory import Made, most_evaluations, read_factory, report_values, train_one
-from sfkit.factory import run as run_factory
-from sfkit.factory import status as factory_status
-from sfkit.factory.file import JOINT
+
+if TYPE_CHECKING:
+    from sfkit.factory import Made
 
 app = typer.Typer(
-    help="From data sets to sources to one network.", no_args_is_help=True, rich_markup_mode=None
+    cls=WholeHelp,
+    help="From data sets to sources to one network.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 FactoryArgument = Annotated[Path, typer.Argument(help="A factory.toml.")]
 
@@ -47,6 +49,10 @@ def run(
       sfkit factory run factory.toml
       sfkit factory run factory.toml --train-on cuda:0 --train-on cuda:1 --device cuda --report garage.html
     """
+    from sfkit.factory import read_factory, report_values
+    from sfkit.factory import run as run_factory
+    from sfkit.factory.file import JOINT
+
     factory = read_factory(file)
     if report is not None:
         report_values(factory)  # refused now rather than after the trainings
@@ -79,6 +85,8 @@ def run(
 
 def _training_seconds(made: Made) -> dict[str, Any]:
     """What the report compares the search's cost with."""
+    from sfkit.factory.file import JOINT
+
     return {"training_seconds": {c.part: c.seconds for c in made.costs if c.part not in (JOINT, "search")}}
 
 
@@ -95,6 +103,8 @@ def train(
     Example:
       sfkit factory train factory.toml streets --device cuda
     """
+    from sfkit.factory import read_factory, train_one
+
     written = train_one(read_factory(file), name, device, say)
     emit({"file": written}, f"wrote {written}", as_json=json)
 
@@ -107,6 +117,9 @@ def status(file: FactoryArgument, json: JsonOption = False) -> None:
     Example:
       sfkit factory status factory.toml
     """
+    from sfkit.factory import most_evaluations, read_factory
+    from sfkit.factory import status as factory_status
+
     factory = read_factory(file)
     items = factory_status(factory)
     lines = [f"{'network':24s} {'state':8s} {'steps':>8s} {'seconds':>9s}"]

@@ -7,19 +7,18 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-import torch.distributed as dist
 import typer
 
-from sfkit.checkpoints.writing import FileForm
+from sfkit.checkpoints.targets import FileForm
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
-from sfkit.datasets.benchmark import open_benchmark
-from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError
-from sfkit.training.finetune import Source, finetune, training_folder
-from sfkit.training.loop import Course
-from sfkit.training.settings import TrainingSettings
+
+if TYPE_CHECKING:
+    from sfkit.training.finetune import Source
+    from sfkit.training.loop import Course
+    from sfkit.training.settings import TrainingSettings
 
 SHOWN_EVERY = 10
 
@@ -77,6 +76,10 @@ def command(
       sfkit finetune sceneflow.tar vkitti2 -a anynet --root ~/VirtualKITTI2 -o vkitti2.safetensors
       torchrun --nproc-per-node 4 -m sfkit finetune base.pth fsd -a nmrf-swint -r ~/FSD -o fsd.safetensors
     """
+    from sfkit.datasets.benchmark import open_benchmark
+    from sfkit.datasets.training_sets import open_training_set
+    from sfkit.training.finetune import finetune
+
     chosen = _settings(
         settings,
         epochs=epochs,
@@ -112,6 +115,8 @@ def command(
 
 
 def _told(source: Source) -> tuple[dict[str, Any], str]:
+    from sfkit.training.finetune import training_folder
+
     document = {
         "file": source.path,
         "steps": source.steps,
@@ -148,6 +153,8 @@ def progress() -> Callable[[Course], None]:
 
 def _settings(path: Path | None, **given: Any) -> TrainingSettings:
     """What a file says, and above it what the command line does."""
+    from sfkit.training.settings import TrainingSettings
+
     stated: dict[str, Any] = {}
     if path is not None:
         try:
@@ -177,8 +184,12 @@ class _Processes:
 
     def __enter__(self) -> None:
         if "RANK" in os.environ:
+            import torch.distributed as dist
+
             dist.init_process_group(self.backend)
 
     def __exit__(self, *_error: object) -> None:
-        if dist.is_initialized():
+        if "RANK" in os.environ:
+            import torch.distributed as dist
+
             dist.destroy_process_group()

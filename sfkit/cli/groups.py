@@ -144,6 +144,25 @@ class PanelCommand(Command):
                     formatter.write_dl(records)
 
 
+class WholeHelp(typer.core.TyperGroup):
+    """A command with sub-commands, whose first sentences ``--help`` does not cut."""
+
+    def summaries(self, ctx: Any) -> list[tuple[str, str]]:
+        """Sub-command -> the first paragraph of its help, in order."""
+        commands = [(name, self.get_command(ctx, name)) for name in self.list_commands(ctx)]
+        return [(name, first_paragraph(found.help or "")) for name, found in commands if found is not None]
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """The list of sub-commands, wrapped to the terminal."""
+        with formatter.section("Commands"):
+            formatter.write_dl(self.summaries(ctx))
+
+
+def first_paragraph(text: str) -> str:
+    """On one line."""
+    return " ".join(text.strip().partition("\n\n")[0].split())
+
+
 def names(text: str) -> tuple[str, ...]:
     """``"a, b"`` -> ``("a", "b")``."""
     return tuple(name.strip() for name in text.split(",") if name.strip())

@@ -10,7 +10,6 @@ import typer
 from sfkit.cli.options import ForceOption, JsonOption, emit
 from sfkit.errors import InputError
 from sfkit.files import write_text
-from sfkit.merging.recognition import family, pool_toml
 
 
 def init(
@@ -28,6 +27,8 @@ def init(
     target = folder / "pool.toml"
     if target.exists() and not force:
         raise InputError(f"{target}: the file exists, allow overwriting it (--force)")
+    from sfkit.merging.recognition import family, pool_toml
+
     found = family(folder)
     write_text(target, pool_toml(found, name or folder.resolve().name))
     lines = [

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sfkit.checkpoints.writing import FileForm, check_target
+from sfkit.checkpoints.targets import FileForm, check_target
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
@@ -22,7 +22,6 @@ from sfkit.cli.options import (
 )
 from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
-from sfkit.merging.saving import read_origin, save_merged
 
 
 def merge(
@@ -54,6 +53,8 @@ def merge(
             "expected exactly one of --subset, --subset-from, --recipe, --weights and --uniform, "
             f"found {len(asked)}"
         )
+    from sfkit.merging.saving import read_origin, save_merged
+
     opened = pool_of(pool)
     for member in (opened.base, *opened.sources):
         if out.exists() and out.samefile(member.path):

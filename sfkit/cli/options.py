@@ -7,17 +7,16 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
 from sfkit.cli.groups import names
 from sfkit.errors import InputError
-from sfkit.evaluation.store import EvaluationStore
-from sfkit.merging import Pool, Recipe, open_pool
-from sfkit.merging.prepare import prepared_for
-from sfkit.merging.saving import read_recipe
-from sfkit.search import subset_of, transfer
+
+if TYPE_CHECKING:
+    from sfkit.evaluation.store import EvaluationStore
+    from sfkit.merging import Pool, Recipe
 
 Made = TypeVar("Made")
 
@@ -41,7 +40,7 @@ SubsetFromOption = Annotated[
 ]
 
 
-Chooser = Callable[[Pool], Recipe]
+Chooser = Callable[["Pool"], "Recipe"]
 """Makes the recipe that was asked for, once the pool is open."""
 
 
@@ -58,6 +57,10 @@ def choosers(
     Raises:
         InputError: an option cannot be read, or a file holds no recipe.
     """
+    from sfkit.merging import Pool, Recipe
+    from sfkit.merging.saving import read_recipe
+    from sfkit.search import subset_of, transfer
+
     found: dict[str, Chooser] = {}
     if uniform:
         found["uniform"] = Pool.uniform
@@ -89,6 +92,8 @@ def prepared(name: str, pool: Pool, recipe: Recipe) -> Pool:
     Raises:
         InputError: as :func:`sfkit.merging.prepare.prepared_for`; the sentence names the file.
     """
+    from sfkit.merging.prepare import prepared_for
+
     return _named(name, lambda: prepared_for(pool, recipe))
 
 
@@ -132,11 +137,15 @@ def _checked(pool: Pool, recipe: Recipe) -> Recipe:
 
 def store_of(path: Path | None) -> EvaluationStore:
     """The store at ``path``, or one that keeps nothing."""
+    from sfkit.evaluation.store import EvaluationStore
+
     return EvaluationStore(path if path is not None else ":memory:")
 
 
 def pool_of(path: str, blocks: str | None = None) -> Pool:
     """Open a pool, under its own partition or one made from the network; every error names a file."""
+    from sfkit.merging import open_pool
+
     return _named(path, lambda: open_pool(path, blocks=blocks))
 
 

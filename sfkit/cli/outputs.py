@@ -10,8 +10,6 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from sfkit.errors import InputError
-from sfkit.evaluation.store import EvaluationStore
-from sfkit.evaluation.store_file import companions
 from sfkit.files import unwritable
 
 
@@ -74,6 +72,9 @@ class Places:
         """
         if path is None:
             return
+        from sfkit.evaluation.store import EvaluationStore
+        from sfkit.evaluation.store_file import companions
+
         for file in (path, *companions(path)):
             self.claim("--store", file)
         _check_place("--store", path.absolute().parent)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from sfkit.cli.groups import Group
-from sfkit.datasets.benchmark import Benchmark, has_files, open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import PARAMETERS, Compute, check_device
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings
 from sfkit.settings import setting
+
+if TYPE_CHECKING:
+    from sfkit.datasets.benchmark import Benchmark
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +49,8 @@ class BenchmarkChoice(FolderChoice):
             InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded
                 bank's benchmarks (``bank:NAME``) have none.
         """
+        from sfkit.datasets.benchmark import has_files, open_benchmark
+
         if self.root is None and has_files(self.benchmark):
             raise InputError(f"--root is missing, expected the folder of benchmark {self.benchmark!r}")
         benchmark = open_benchmark(

@@ -6,15 +6,16 @@ import json as jsonlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
-from sfkit.datasets.calibration import Calibration, read_calibration
 from sfkit.errors import InputError
-from sfkit.evaluation.prediction import PredictionFiles, PredictionPlan, match_pairs, predict_files
-from sfkit.merging.network import load_network
+
+if TYPE_CHECKING:
+    from sfkit.datasets.calibration import Calibration
+    from sfkit.evaluation.prediction import PredictionFiles
 
 
 def predict(
@@ -50,6 +51,9 @@ def predict(
       sfkit predict merged.safetensors --left im0.png --right im1.png -o out
       sfkit predict merged.safetensors -l left/ -r right/ --focal 721.5 --baseline 0.54 --form png16
     """
+    from sfkit.evaluation.prediction import PredictionPlan, match_pairs, predict_files
+    from sfkit.merging.network import load_network
+
     pairs = match_pairs(left, right)
     cameras = _calibration(calibration, focal, baseline)
     options = dict(_option(text) for text in option or [])
@@ -107,6 +111,8 @@ def _option(text: str) -> tuple[str, Any]:
 
 
 def _calibration(file: Path | None, focal: float | None, baseline: float | None) -> Calibration | None:
+    from sfkit.datasets.calibration import Calibration, read_calibration
+
     if file is not None:
         if focal is not None or baseline is not None:
             raise InputError("expected --calib, or --focal with --baseline, not both")

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sfkit.analysis.inspection import recipe_lines
+from sfkit.cli.groups import WholeHelp
 from sfkit.cli.options import JsonOption, emit
 from sfkit.errors import InputError
-from sfkit.evaluation.exchange import export_evaluations, import_evaluations
-from sfkit.evaluation.store import EvaluationStore
-from sfkit.merging.recipe import Recipe
-from sfkit.search.runs import compare_runs, find_runs, read_run, run_table
+
+if TYPE_CHECKING:
+    from sfkit.evaluation.store import EvaluationStore
 
 app = typer.Typer(
-    help="See what searches did; move evaluations.", no_args_is_help=True, rich_markup_mode=None
+    cls=WholeHelp,
+    help="See what searches did; move evaluations.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
 )
 
 Folder = Annotated[Path, typer.Argument(help="A search's folder.", show_default=False)]
@@ -33,6 +35,8 @@ def list_runs(
     Example:
       sfkit runs list runs
     """
+    from sfkit.search.runs import find_runs, run_table
+
     table = run_table(find_runs(root))
     text = f"{root}: no search has left a journal here" if table.empty else table.to_string(index=False)
     emit({"root": root, "runs": table.to_dict(orient="records")}, text, as_json=json)
@@ -46,6 +50,10 @@ def show(folder: Folder, json: JsonOption = False) -> None:
     Example:
       sfkit runs show runs/garage
     """
+    from sfkit.inspection import recipe_lines
+    from sfkit.merging.recipe import Recipe
+    from sfkit.search.runs import read_run
+
     run = read_run(folder)
     lines = [f"{run.folder}"]
     for stage in run.stages:
@@ -70,6 +78,8 @@ def diff(first: Folder, second: Folder, json: JsonOption = False) -> None:
     Example:
       sfkit runs diff runs/garage runs/garage-2
     """
+    from sfkit.search.runs import compare_runs, read_run
+
     table = compare_runs(read_run(first), read_run(second))
     rows = table.reset_index().to_dict(orient="records")
     emit({"differences": rows}, table.to_string(), as_json=json)
@@ -87,6 +97,8 @@ def export(
     Example:
       sfkit runs export runs/garage/evaluations.sqlite -o evaluations.csv
     """
+    from sfkit.evaluation.exchange import export_evaluations
+
     with _existing(store) as opened:
         written, count = export_evaluations(opened, out), len(opened)
     emit({"file": written, "evaluations": count}, f"wrote {count} evaluations to {written}", as_json=json)
@@ -104,12 +116,17 @@ def import_(
     Example:
       sfkit runs import cluster.sqlite --into runs/garage/evaluations.sqlite
     """
+    from sfkit.evaluation.exchange import import_evaluations
+    from sfkit.evaluation.store import EvaluationStore
+
     with _existing(source) as opened, EvaluationStore(into) as target:
         copied, held = import_evaluations(opened, target)
     emit({"copied": copied, "already_there": held}, f"copied {copied}, {held} were there", as_json=json)
 
 
 def _existing(path: Path) -> EvaluationStore:
+    from sfkit.evaluation.store import EvaluationStore
+
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected an evaluation store")
     return EvaluationStore(path, read_only=True)

@@ -6,15 +6,10 @@ import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.analysis.inspection import recipe_lines
-from sfkit.analysis.overfit import holdout_check
-from sfkit.analysis.search_verdict import missing
-from sfkit.analysis.trust import trust_of
-from sfkit.cli.judging import Judge
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
@@ -37,19 +32,15 @@ from sfkit.cli.panels import (
     Stage2Options,
 )
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
-from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
-from sfkit.evaluation.changes import LABEL
-from sfkit.evaluation.combining import CombinedScorer
-from sfkit.evaluation.estimate import Estimate
-from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.holdout import LEAST
-from sfkit.merging import Pool
-from sfkit.merging.saving import read_recipe
-from sfkit.search import RoutingSettings, SubsetSettings, subset_of
-from sfkit.search.pipeline import METHODS, Found, Plan, cost, search_pool, summary
-from sfkit.search.records import Generation
-from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
+from sfkit.search import RoutingSettings, SubsetSettings
+
+if TYPE_CHECKING:
+    from sfkit.datasets.metric import Metric
+    from sfkit.evaluation.estimating import Estimate
+    from sfkit.merging import Pool
+    from sfkit.search.pipeline import Found, Plan
+    from sfkit.search.records import Generation
 
 
 def search(
@@ -96,6 +87,17 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst --holdout 0.5
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
     """
+    from sfkit.analysis.overfit import holdout_check
+    from sfkit.analysis.search_verdict import missing
+    from sfkit.analysis.trust import trust_of
+    from sfkit.cli.judging import Judge
+    from sfkit.evaluation.changes import LABEL
+    from sfkit.evaluation.combining import CombinedScorer
+    from sfkit.evaluation.evaluator import Evaluator
+    from sfkit.merging.saving import read_recipe
+    from sfkit.search.pipeline import Plan, cost, search_pool, summary
+    from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
+
     plan = Plan(
         subset=_subset(subset, subset_from),
         stage1=SubsetSettings(**stage1),
@@ -162,6 +164,8 @@ def _sized(plan: Plan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> 
 
 def _other_cost(plan: Plan, price: Estimate, pool: Pool) -> str | None:
     """What the method that was not chosen would cost with its own sizes; None where it cannot do the same."""
+    from sfkit.search.pipeline import METHODS
+
     if plan.stage2 is not None and plan.stage2.holdout:
         return None
     other = next(method for method in METHODS if method != plan.method)
@@ -171,6 +175,8 @@ def _other_cost(plan: Plan, price: Estimate, pool: Pool) -> str | None:
 
 def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
     """What to know of a plain Stage 2 guided by fewer pairs than can be split; None where all is well."""
+    from sfkit.evaluation.holdout import LEAST
+
     if stage2 is None or pairs >= LEAST or stage2.shrinkage > 0 or stage2.entropy > 0:
         return None
     return (
@@ -180,6 +186,9 @@ def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
 
 
 def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
+    from sfkit.merging.saving import read_recipe
+    from sfkit.search import subset_of
+
     if text is not None and file is not None:
         raise InputError("found --subset and --subset-from, expected one of the two")
     if file is not None:
@@ -196,6 +205,9 @@ def _progress(stage: str, generation: Generation[Any]) -> None:
 
 
 def _text(found: Found, metric: Metric | None, counts: Mapping[str, float]) -> str:
+    from sfkit.evaluation.changes import LABEL
+    from sfkit.inspection import recipe_lines
+
     unit = "" if metric is None else metric.unit
     lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):

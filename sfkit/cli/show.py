@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from sfkit.analysis.inspection import inspect_file
 from sfkit.cli.options import JsonOption, emit
 
 
@@ -24,5 +23,7 @@ def show(
     Example:
       sfkit show merged.safetensors
     """
+    from sfkit.inspection import inspect_file
+
     description = inspect_file(file)
     emit(description.document, description.text, as_json=json)

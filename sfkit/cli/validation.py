@@ -6,20 +6,18 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sfkit.analysis.trust import Trust
 from sfkit.cli.groups import names
 from sfkit.cli.options import say, store_of
 from sfkit.cli.panels import Guidance
-from sfkit.datasets.benchmark import Benchmark, open_benchmarks
-from sfkit.datasets.metric import Metric
-from sfkit.datasets.unlabelled import UNLABELLED
 from sfkit.errors import InputError
-from sfkit.evaluation import CombinedScorer, Compute, Evaluator
-from sfkit.evaluation.changes import LABEL
-from sfkit.evaluation.separation import check_separation
-from sfkit.merging import Pool
+
+if TYPE_CHECKING:
+    from sfkit.analysis.trust import Trust
+    from sfkit.datasets.benchmark import Benchmark
+    from sfkit.evaluation import CombinedScorer, Compute, Evaluator
+    from sfkit.merging import Pool
 
 PERCENT = "bad-1.0"  # of tests in pixels where the guide, without ground truth, is in percent
 
@@ -41,6 +39,9 @@ def tests_of(texts: Sequence[str] | None, guides: Sequence[Benchmark]) -> tuple[
     Raises:
         InputError: one cannot be understood, or shares a pair with what guides.
     """
+    from sfkit.datasets.metric import Metric
+    from sfkit.evaluation.separation import check_separation
+
     guide = Metric.parse(next((g.metric for g in guides if Metric.parse(g.metric).needs_truth), PERCENT))
     tests = []
     for text in texts or ():
@@ -66,6 +67,8 @@ def guide_of(
     Raises:
         InputError: a benchmark cannot be evaluated as it is, or their metrics cannot be combined.
     """
+    from sfkit.evaluation import CombinedScorer, Evaluator
+
     evaluators = [Evaluator(pool, guide, compute=compute) for guide in guides]
     return evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, combine)
 
@@ -81,6 +84,9 @@ def scoring(
         guide: from :func:`guide_of`.
         store: the evaluation store's file, opened once all else is in order; None keeps nothing.
     """
+    from sfkit.evaluation import CombinedScorer, Evaluator
+    from sfkit.evaluation.changes import LABEL
+
     parts = guide.evaluators if isinstance(guide, CombinedScorer) else (guide,)
     prepared = [part for part in parts if isinstance(part, Evaluator)]
     with store_of(store) as kept, ExitStack() as stack:
@@ -136,6 +142,10 @@ def _named(option: str, text: str, metric: str | None) -> Benchmark:
     """A further benchmark: ``NAME[,root=FOLDER][,protocol=...][,pairs=...]...``, measured by ``metric``,
     or by its own where none is given or only one of the two needs ground truth.
     """
+    from sfkit.datasets.benchmark import open_benchmarks
+    from sfkit.datasets.metric import Metric
+    from sfkit.datasets.unlabelled import UNLABELLED
+
     if not names(text):
         raise InputError(f"{option} is empty, expected a benchmark such as kitti2012,root=~/KITTI")
     name, *entries = names(text)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 from dataclasses import dataclass, fields
-
-import torch
+from typing import TYPE_CHECKING
 
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.forward import ForwardMode
-from sfkit.merging.live import LiveModel
-from sfkit.merging.pool import Pool
-from sfkit.merging.recipe import Recipe
 from sfkit.settings import setting
+
+if TYPE_CHECKING:
+    from sfkit.merging.live import LiveModel
+    from sfkit.merging.pool import Pool
+    from sfkit.merging.recipe import Recipe
 
 ENGINES = ("auto", "inline", "processes", "ray")
 
@@ -74,6 +75,8 @@ class Compute:
         Raises:
             InputError: the device is not there, or a file of the pool has changed.
         """
+        from sfkit.merging.live import LiveModel
+
         check_device(self.device)
         pool.ensure_unchanged()
         return LiveModel(pool, recipe, device=self.device, mode=self.mode)
@@ -98,7 +101,11 @@ def check_device(name: str, argument: str = "device") -> None:
     """
     check_device_name(name, argument)
     kind, _, number = name.partition(":")
-    if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
+    if kind == "cpu":
+        return
+    import torch
+
+    if int(number or 0) >= torch.cuda.device_count():
         raise InputError(
             f"{argument}: {name} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
         )

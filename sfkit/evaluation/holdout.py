@@ -13,8 +13,6 @@ from numbers import Real
 from typing import Any
 
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation.combining import CombinedScorer
-from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Scorer
 from sfkit.streams import Stream, generator
 
@@ -91,6 +89,9 @@ def held_out(scorer: Scorer, holdout: float, seed: int = 0) -> Scorer:
     check_holdout("holdout", holdout)
     if holdout == 0:
         return scorer
+    from sfkit.evaluation.combining import CombinedScorer
+    from sfkit.evaluation.evaluator import Evaluator
+
     evaluators = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
     known = [evaluator for evaluator in evaluators if isinstance(evaluator, Evaluator)]
     if len(known) < len(evaluators):
@@ -114,5 +115,8 @@ def held_out(scorer: Scorer, holdout: float, seed: int = 0) -> Scorer:
 
 def splits_of(scorer: Scorer) -> int:
     """How many splits the outcomes of a scorer tell: 0 without a hold-out, 1 of a share, k of k folds."""
+    from sfkit.evaluation.combining import CombinedScorer
+    from sfkit.evaluation.evaluator import Evaluator
+
     first = scorer.evaluators[0] if isinstance(scorer, CombinedScorer) else scorer
     return len(first.splits) if isinstance(first, Evaluator) else 0

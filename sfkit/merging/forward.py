@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any
-
-import torch
+from typing import TYPE_CHECKING, Any
 
 from sfkit.errors import unknown_name
 
-_AUTOCAST: dict[str, torch.dtype | None] = {"float32": None, "bfloat16": torch.bfloat16}
-PRECISIONS = tuple(_AUTOCAST)
+if TYPE_CHECKING:
+    import torch
+
+PRECISIONS = ("float32", "bfloat16")
 
 
 @dataclass(frozen=True)
@@ -32,8 +32,8 @@ class ForwardMode:
     channels_last: bool = False
 
     def __post_init__(self) -> None:
-        if self.precision not in _AUTOCAST:
-            raise unknown_name("precision", self.precision, _AUTOCAST)
+        if self.precision not in PRECISIONS:
+            raise unknown_name("precision", self.precision, PRECISIONS)
 
     def describe(self) -> dict[str, Any]:
         """What of this an evaluation's key holds; the layout only where it is not the usual one."""
@@ -41,11 +41,16 @@ class ForwardMode:
 
     def computing(self, device: torch.device) -> AbstractContextManager[Any]:
         """The context a forward pass runs in on ``device``."""
-        dtype = _AUTOCAST[self.precision]
-        return nullcontext() if dtype is None else torch.autocast(device.type, dtype=dtype)
+        if self.precision == "float32":
+            return nullcontext()
+        import torch
+
+        return torch.autocast(device.type, dtype=torch.bfloat16)
 
     def place(self, images: torch.Tensor, device: torch.device) -> torch.Tensor:
         """Images (1, 3, H, W) on ``device`` in this mode's memory layout."""
         if not self.channels_last:
             return images.to(device)
+        import torch
+
         return images.to(device, memory_format=torch.channels_last)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.pool import Pool
 from sfkit.merging.tensor_specs import tensor_specs
 
+SHIPPED = "sfkit.bank"  # stands further right, and is imported when a name is looked up
 _NAMED: dict[str, Path] = {}
 """Pools that are opened by name: they come with sfkit, and register themselves."""
 
@@ -51,6 +53,7 @@ def open_pool(
             :mod:`sfkit.checkpoints`.
     """
     if isinstance(path, str):
+        importlib.import_module(SHIPPED)
         path = _NAMED.get(path, path)
     spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
     wanted = spec.partition if blocks is None else blocks

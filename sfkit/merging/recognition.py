@@ -11,7 +11,8 @@ from pathlib import Path
 import torch
 
 from sfkit.architectures import architecture, architectures
-from sfkit.checkpoints.reading import is_checkpoint_name, read_checkpoint
+from sfkit.checkpoints.headers import is_checkpoint_name
+from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.tensor_specs import tensor_specs

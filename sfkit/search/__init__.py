@@ -6,22 +6,29 @@ A search proposes recipes and hears outcomes; it never touches a tensor or an im
     best = RoutingSearch(subset, pool.blocks, scorer).run()
 """
 
-from sfkit.evaluation.known import Known
-from sfkit.search.base import Search, SearchState
-from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
-from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
-from sfkit.search.breeding import SubsetSettings
-from sfkit.search.cma_es import Distribution
-from sfkit.search.constraints import Constraints, subset_of, transfer
-from sfkit.search.encoding import Encoding, mean_entropy
-from sfkit.search.journal import Journal, last_run, read_journal
-from sfkit.search.live import LiveSearch
-from sfkit.search.operators import SubsetSpace
-from sfkit.search.records import Candidate, Counts, Generation, SubsetCandidate
-from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
-from sfkit.search.subset import SubsetSearch, SubsetState
-from sfkit.search.surrogate import Prediction
+from typing import TYPE_CHECKING
+
+from sfkit.on_demand import on_demand
+
+if TYPE_CHECKING:
+    from sfkit.evaluation.known import Known
+    from sfkit.search.base import Search, SearchState
+    from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+    from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
+    from sfkit.search.breeding import SubsetSettings
+    from sfkit.search.cma_es import Distribution
+    from sfkit.search.constraints import Constraints, subset_of, transfer
+    from sfkit.search.encoding import Encoding, mean_entropy
+    from sfkit.search.journal import Journal, last_run, read_journal
+    from sfkit.search.live import LiveSearch
+    from sfkit.search.operators import SubsetSpace
+    from sfkit.search.records import Candidate, Counts, Generation, SubsetCandidate
+    from sfkit.search.routing import RoutingSearch
+    from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
+    from sfkit.search.subset import SubsetSearch, SubsetState
+    from sfkit.search.surrogate import Prediction
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
     "BayesianRoutingSearch",

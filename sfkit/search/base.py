@@ -7,14 +7,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, ClassVar, Generic
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.outcome import Scorer
 from sfkit.search.journal import STOP_REQUESTED, Journal
 from sfkit.search.records import C, Counts, Generation, count, ranked
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)

@@ -11,19 +11,24 @@ import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sfkit.search.encoding import Vector
 from sfkit.streams import Stream, generator
 
-with warnings.catch_warnings():
-    # pycma warns on import where matplotlib, which it plots with, is not installed.
-    warnings.filterwarnings("ignore", message="Could not import matplotlib", category=UserWarning)
-    import cma
-
 SMALLEST_POPULATION = 3
 """pycma refuses smaller ones."""
+
+
+def _pycma() -> Any:
+    """The library, with all of scipy's distributions behind it: imported when the first search starts."""
+    with warnings.catch_warnings():
+        # It warns on import where matplotlib, which it plots with, is not installed.
+        warnings.filterwarnings("ignore", message="Could not import matplotlib", category=UserWarning)
+        import cma
+    return cma
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,7 @@ class CmaEs:
             "verb_disp": 0,
             "verb_log": 0,
         }
-        self._es = cma.CMAEvolutionStrategy(mean, sigma, options)
+        self._es = _pycma().CMAEvolutionStrategy(mean, sigma, options)
         self.distribution = self._read()
         self.stops: tuple[str, ...] = ()
 

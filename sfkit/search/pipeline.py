@@ -10,7 +10,7 @@ from typing import Any
 
 from sfkit.errors import InputError, SfkitError, unknown_name
 from sfkit.evaluation.combining import CombinedScorer
-from sfkit.evaluation.estimate import Estimate, estimate
+from sfkit.evaluation.estimating import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Outcome, Scorer

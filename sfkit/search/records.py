@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,4 +199,6 @@ def subset_history(
         for candidate in candidates
     ]
     columns = [*COMMON, *ORIGIN, "chromosome", "parents", "operators", "survived"]
+    import pandas as pd
+
     return pd.DataFrame(rows, columns=columns)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.base import SearchState
@@ -16,6 +14,9 @@ from sfkit.search.cma_es import SMALLEST_POPULATION, Distribution
 from sfkit.search.encoding import check_gamma, check_rank
 from sfkit.search.records import COMMON, ORIGIN, Candidate
 from sfkit.settings import setting, settle
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 @dataclass(frozen=True)
@@ -200,6 +201,8 @@ def routing_history(
     weights = [f"weight:{block}:{source}" for block in blocks for source in sources]
     scales = [f"scale:{block}" for block in blocks]
     own = ["origin", "penalty", "fold", "guiding", "held", "penalised", "sigma"]
+    import pandas as pd
+
     return pd.DataFrame(rows, columns=[*COMMON, *ORIGIN, *own, *axes, *weights, *scales])
 
 

@@ -22,7 +22,8 @@ from sfkit.architectures import Architecture, architecture
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.layouts import Layout
 from sfkit.checkpoints.reading import read_checkpoint
-from sfkit.checkpoints.writing import FileForm, check_target, write_checkpoint
+from sfkit.checkpoints.targets import FileForm, check_target
+from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError

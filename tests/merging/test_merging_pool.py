@@ -15,7 +15,7 @@ from torch import nn
 from sfkit.architectures import register_architecture
 from sfkit.checkpoints.checks import Kind
 from sfkit.checkpoints.spec import Member, PoolSpec
-from sfkit.checkpoints.writing import FileForm
+from sfkit.checkpoints.targets import FileForm
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.members import PoolOpener

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
-from sfkit.checkpoints.reading import SUFFIXES, read_checkpoint
+from sfkit.checkpoints.headers import SAFETENSORS, SUFFIXES, StoredTensor, read_texts, stored_tensors
+from sfkit.checkpoints.layouts import Layout, common_prefix
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.errors import InputError
-from sfkit.evaluation.store import EvaluationStore
+from sfkit.merging.origin import Origin, read_origin
 from sfkit.merging.recipe import Recipe
-from sfkit.merging.saving import Origin, read_origin
 from sfkit.merging.steps import describe
 
 STORE_SUFFIXES = (".sqlite", ".db")
@@ -51,10 +52,9 @@ def inspect_file(path: str | Path) -> Description:
 
 
 def _network(path: Path) -> Description:
-    file = read_checkpoint(path)
-    tensors = file.tensors
-    elements = sum(tensor.numel() for tensor in tensors.values())
-    identity = fingerprint({key: tensor_digest(tensor) for key, tensor in tensors.items()})
+    tensors, layout = _tensors(path)
+    elements = sum(math.prod(tensor.shape) for tensor in tensors.values())
+    identity = fingerprint({key: tensor.digest for key, tensor in tensors.items()})
     origin = read_origin(path)
     document = {
         "kind": "merged network" if origin else "checkpoint",
@@ -62,16 +62,34 @@ def _network(path: Path) -> Description:
         "fingerprint": identity,
         "tensors": len(tensors),
         "elements": elements,
-        "dtypes": sorted({str(tensor.dtype).removeprefix("torch.") for tensor in tensors.values()}),
-        "layout": {"container": file.layout.container, "prefix": file.layout.prefix},
+        "dtypes": sorted({tensor.dtype.removeprefix("torch.") for tensor in tensors.values()}),
+        "layout": {"container": layout.container, "prefix": layout.prefix},
         "origin": _origin(origin) if origin else None,
     }
     lines = [
         f"{path}: {document['kind']}, {len(tensors)} tensors, {elements:,} elements",
         f"  fingerprint: {identity[:12]}",
-        f"  layout: {file.layout.container or 'bare state dict'}, prefix {file.layout.prefix or 'none'}",
+        f"  layout: {layout.container or 'bare state dict'}, prefix {layout.prefix or 'none'}",
     ]
     return Description(document, "\n".join([*lines, *(_origin_lines(origin) if origin else ())]))
+
+
+def _tensors(path: Path) -> tuple[dict[str, StoredTensor], Layout]:
+    """Bare key -> tensor, and the layout; of a safetensors file without torch."""
+    if path.suffix.lower() == SAFETENSORS:
+        texts = read_texts(path)
+        stored = stored_tensors(path)
+        if stored:
+            layout = Layout(texts.get("sfkit.container") or None, common_prefix(stored))
+            return {key[len(layout.prefix) :]: tensor for key, tensor in stored.items()}, layout
+    from sfkit.checkpoints.reading import read_checkpoint
+
+    file = read_checkpoint(path)
+    tensors = {
+        key: StoredTensor(str(tensor.dtype), tuple(tensor.shape), tensor_digest(tensor))
+        for key, tensor in file.tensors.items()
+    }
+    return tensors, file.layout
 
 
 def _origin(origin: Origin) -> dict[str, Any]:
@@ -137,6 +155,8 @@ def _recipe(path: Path) -> Description:
 
 
 def _store(path: Path) -> Description:
+    from sfkit.evaluation.store import EvaluationStore
+
     if path.stat().st_size == 0:  # opening it would turn it into a store
         raise InputError(f"{path}: is empty, expected an evaluation store")
     with EvaluationStore(path, read_only=True) as store:

@@ -1,0 +1,82 @@
+"""What a safetensors file says of itself, read without torch: names, types, shapes, digests and texts."""
+
+from __future__ import annotations
+
+import json
+import mmap
+from dataclasses import dataclass
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+
+from sfkit.checkpoints.fingerprints import content_digest
+from sfkit.errors import InputError
+
+SAFETENSORS = ".safetensors"
+TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
+SUFFIXES = (SAFETENSORS, *TORCH_SUFFIXES)
+INDEX = ".safetensors.index.json"  # of a network in several files: which tensor is in which
+# The types networks are saved in. Files of others are read with torch.
+_DTYPES = {
+    "F64": "torch.float64",
+    "F32": "torch.float32",
+    "F16": "torch.float16",
+    "BF16": "torch.bfloat16",
+    "I64": "torch.int64",
+    "I32": "torch.int32",
+    "I16": "torch.int16",
+    "I8": "torch.int8",
+    "U8": "torch.uint8",
+    "BOOL": "torch.bool",
+}
+
+
+@dataclass(frozen=True)
+class StoredTensor:
+    """One tensor of a file.
+
+    Attributes:
+        dtype: as torch spells it.
+        shape: of the tensor.
+        digest: as :func:`sfkit.checkpoints.fingerprints.tensor_digest`.
+    """
+
+    dtype: str
+    shape: tuple[int, ...]
+    digest: str
+
+
+def is_checkpoint_name(path: Path) -> bool:
+    """True for a file that by its ending is a checkpoint, in capitals or not."""
+    return path.suffix.lower() in SUFFIXES or path.name.endswith(INDEX)
+
+
+def read_texts(path: Path) -> dict[str, str]:
+    """The text entries of a safetensors header.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with safe_open(path, framework="np") as file:
+            return dict(file.metadata() or {})
+    except (SafetensorError, OSError) as error:
+        raise InputError(f"{path}: cannot be read as safetensors ({error}), expected a whole file") from error
+
+
+def stored_tensors(path: Path) -> dict[str, StoredTensor] | None:
+    """Key -> tensor of a safetensors file that :func:`read_texts` has read; None where a type is unusual."""
+    with path.open("rb") as file:
+        start = 8 + int.from_bytes(file.read(8), "little")
+        entries = json.loads(file.read(start - 8))
+        entries.pop("__metadata__", None)
+        if any(entry["dtype"] not in _DTYPES for entry in entries.values()):
+            return None
+        found = {}
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as pages:
+            for key, entry in entries.items():
+                dtype, shape = _DTYPES[entry["dtype"]], tuple(entry["shape"])
+                begin, end = entry["data_offsets"]
+                with memoryview(pages) as view, view[start + begin : start + end] as content:
+                    found[key] = StoredTensor(dtype, shape, content_digest(dtype, shape, content))
+        return found

@@ -1,0 +1,50 @@
+"""What kind of file a merged network becomes, and whether it can be written where it is to be."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+
+from sfkit.errors import InputError, unknown_name
+from sfkit.files import unwritable
+
+
+class FileForm(StrEnum):
+    """What kind of file a merged network becomes."""
+
+    SAFETENSORS = "safetensors"
+    ORIGINAL = "original"  # a torch file in the base checkpoint's layout
+
+
+def form_of(form: FileForm | str) -> FileForm:
+    """A form by its name.
+
+    Raises:
+        InputError: there is no such form.
+    """
+    if form not in tuple(FileForm):
+        raise unknown_name("form", str(form), FileForm)
+    return FileForm(form)
+
+
+def check_target(path: str | Path, form: FileForm | str, *, overwrite: bool) -> Path:
+    """Refuse an output path before any work is done for it.
+
+    Raises:
+        InputError: as :func:`sfkit.checkpoints.writing.write_checkpoint` says.
+    """
+    path, form = Path(path), form_of(form)
+    endings = (".safetensors",) if form is FileForm.SAFETENSORS else (".pth", ".pt", ".ckpt", ".tar")
+    if path.suffix not in endings:
+        other = next((f.value for f in FileForm if f is not form), "")
+        raise InputError(
+            f"{path}: a file of form {form.value!r} ends in {' or '.join(endings)}: name it so, or ask for "
+            f"form={other!r}"
+        )
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder, expected the name of a file to write")
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: the file exists, give another name or allow overwriting (--force)")
+    if (place := unwritable(path.parent)) is not None:
+        raise InputError(f"{path}: {place} is no folder that can be written to, expected one")
+    return path

@@ -1,0 +1,82 @@
+"""The start of the command line: what is said before any work starts costs no import of heavy libraries."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+from safetensors.torch import save_file
+
+import sfkit
+from sfkit.checkpoints.fingerprints import tensor_digest
+from sfkit.checkpoints.headers import stored_tensors
+from sfkit.cli.commands import ENTRIES, Commands
+from sfkit.cli.groups import first_paragraph
+
+HEAVY = ("torch", "pandas", "scipy", "cv2", "plotly", "cma", "IPython", "nbconvert", "rich")
+LINES = f"""
+import sys
+from sfkit.cli import main
+for line in sys.stdin.read().splitlines():
+    try:
+        main(line.split())
+    except SystemExit as ended:
+        print(ended.code)
+    print("heavy:", sorted(set({HEAVY}) & set(sys.modules)))
+"""
+
+
+def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None:
+    save_file({"weight": torch.ones(3)}, tmp_path / "net.safetensors")
+    (tmp_path / "pool.toml").write_text(
+        'name = "p"\narchitecture = "anynet"\n[base]\nfile = "net.safetensors"\n[sources.a]\nfile = "a.tar"\n'
+    )
+    lines = {
+        "--help": 0,
+        "evaluat": 2,
+        "search --help": 0,
+        "search pool.toml": 2,
+        "evaluate pool.toml --bogus": 2,
+        "merge pool.toml": 2,
+        "predict": 2,
+        "runs --help": 0,
+        "finetune --help": 0,
+        "show nothing.json": 2,
+        f"show {tmp_path / 'net.safetensors'}": 0,
+        f"show {tmp_path / 'pool.toml'}": 0,
+    }
+    # One process for all: what one line imports would show in all that follow.
+    ran = subprocess.run(
+        [sys.executable, "-c", LINES], input="\n".join(lines), capture_output=True, text=True, check=True
+    )
+    assert ran.stdout.count("heavy: []") == len(lines), ran.stdout[-800:] + ran.stderr[-800:]
+    assert [int(line) for line in ran.stdout.splitlines() if line.isdecimal()] == list(lines.values())
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_the_list_of_commands_says_what_each_says_itself(name: str) -> None:
+    command = Commands(name="sfkit").commands[name]
+    assert ENTRIES[name].help == first_paragraph(command.help or "")
+
+
+def test_names_are_imported_when_they_are_asked_for() -> None:
+    missing = [name for name in sfkit.__all__ if not hasattr(sfkit, name)]
+    assert missing == []
+    assert set(sfkit.__all__) <= set(dir(sfkit))
+    with pytest.raises(AttributeError, match="module 'sfkit' has no attribute 'open_pol'"):
+        sfkit.open_pol  # noqa: B018
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16, torch.float16, torch.int64, torch.bool])
+def test_digests_from_a_file_are_those_of_its_tensors(dtype: torch.dtype, tmp_path: Path) -> None:
+    tensors = {"a": torch.arange(6).reshape(2, 3).to(dtype), "b": torch.zeros((0, 2), dtype=dtype)}
+    tensors["c"] = torch.tensor(1).to(dtype)
+    save_file(tensors, tmp_path / "net.safetensors")
+    stored = stored_tensors(tmp_path / "net.safetensors")
+    assert stored is not None
+    assert {key: entry.digest for key, entry in stored.items()} == {
+        key: tensor_digest(tensor) for key, tensor in tensors.items()
+    }
