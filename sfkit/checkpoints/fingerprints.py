@@ -20,8 +20,8 @@ def tensor_digest(tensor: torch.Tensor) -> str:
     """Digest of one tensor's dtype, shape and bytes."""
     import torch
 
-    flat = tensor.detach().contiguous().reshape(-1).view(torch.uint8) if tensor.numel() else tensor
-    return content_digest(str(tensor.dtype), tuple(tensor.shape), flat.numpy().data)
+    flat = tensor.detach().contiguous().reshape(-1).view(torch.uint8).numpy().data if tensor.numel() else b""
+    return content_digest(str(tensor.dtype), tuple(tensor.shape), flat)
 
 
 def content_digest(dtype: str, shape: tuple[int, ...], content: bytes | memoryview) -> str:
