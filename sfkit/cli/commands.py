@@ -54,9 +54,6 @@ def _strict(commands: typer.Typer) -> None:
             _strict(group.typer_instance)
 
 
-_strict(app)
-
-
 ENTRIES = {
     "demo": Entry(
         "Search the embedded bank of 12 small trained networks, and test what was found.",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from sfkit.checkpoints.targets import FileForm, form_of
 from sfkit.checkpoints.writing import write_checkpoint
+from sfkit.errors import InputError
 from sfkit.files import write_text
 from sfkit.merging.members import Checked
 from sfkit.merging.origin import Origin, read_origin, read_recipe
