@@ -20,7 +20,7 @@ from papermill.execute import ERROR_MARKER_TAG
 from plotly.offline import get_plotlyjs
 from pygments.formatters import HtmlFormatter
 
-from sfkit.reports.widgets import VIEW_MIME, SavedWidgets
+from sfkit.reports.widgets import STILL, VIEW_MIME, SavedWidgets
 
 PLOTLY_MIME = "application/vnd.plotly.v1+json"
 
@@ -143,6 +143,9 @@ def _as_markup(data: NotebookNode, widgets: SavedWidgets) -> bool:
             '<div class="plot"></div></div>'
         )
         return True
+    if str(data.get("text/html", "")).startswith(STILL) and widgets.placed:
+        data.clear()  # the widget itself is drawn
+        data["text/html"] = ""
     if VIEW_MIME in data:
         if markup := widgets.markup(data[VIEW_MIME]):
             data.clear()

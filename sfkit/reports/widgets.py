@@ -17,6 +17,8 @@ from nbformat import NotebookNode
 
 VIEW_MIME = "application/vnd.jupyter.widget-view+json"
 STATE_MIME = "application/vnd.jupyter.widget-state+json"
+STILL = '<div class="sfkit-still'
+"""How the picture begins that stands beside a widget where it cannot be drawn."""
 
 DIRECTIONS = {"VBoxModel": "column", "HBoxModel": "row"}
 REFERENCE = "IPY_MODEL_"
@@ -43,6 +45,11 @@ class SavedWidgets:
             view: an output's data of type ``VIEW_MIME``.
         """
         return self._place(str(view.get("model_id")), frozenset())
+
+    @property
+    def placed(self) -> bool:
+        """Whether any widget was given a place."""
+        return bool(self._placed)
 
     def scripts(self) -> tuple[str, ...]:
         """What draws all widgets that were given a place; empty where there is none."""

@@ -41,8 +41,6 @@ SETTINGS = {
         "checkForUpdates": False,
         "doNotDisturbMode": True,
     },
-    # "Save Widget State Automatically" of the settings menu.
-    "@jupyter-widgets/jupyterlab-manager/plugin": {"saveState": True},
 }
 # jsonschema's optional grammars take seconds to build, in the server and in every kernel.
 SITECUSTOMIZE = 'import sys\nsys.modules.setdefault("rfc3987_syntax", None)\n'
@@ -201,6 +199,16 @@ class Notebook:
         self.command("docmanager:save")
         self.page.wait_for_function("() => !window.jupyterapp.shell.currentWidget.context.model.dirty")
         return self.server.root / self.path
+
+    def still_says(self, text: str) -> None:
+        """Wait until the notebook's first still, hidden beside its widget, has a text."""
+        script = """(text) => {
+            const still = document.querySelector(".sfkit-still img");
+            const bytes = Uint8Array.from(atob(still?.src.split(",")[1] ?? ""), (c) => c.charCodeAt(0));
+            return getComputedStyle(still.parentElement).display === "none"
+                && new TextDecoder().decode(bytes).includes(`>${text}<`);
+        }"""
+        self.page.wait_for_function(script, arg=text)
 
     def settled(self) -> None:
         """Wait until every command of the widget was acknowledged by the kernel."""

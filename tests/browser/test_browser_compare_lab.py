@@ -1,10 +1,9 @@
-"""DisparityCompare in JupyterLab: linked zoom, another pair, reload, dark theme, a saved notebook."""
+"""DisparityCompare in JupyterLab: linked zoom, another pair, reload, dark theme."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-import nbformat
 import pytest
 from browser_lab import Notebook
 from browser_stage import assert_becomes
@@ -49,12 +48,8 @@ def test_in_jupyterlab(lab: Callable[..., Notebook]) -> None:
     notebook.theme("JupyterLab Dark")
     page.wait_for_selector(".sfkit[data-theme='dark'][data-host='jupyter']")
     notebook.theme("JupyterLab Light")
-    saved = nbformat.read(notebook.save(), as_version=4)
-    states = saved.metadata["widgets"]["application/vnd.jupyter.widget-state+json"]["state"]
-    (state,) = [entry for entry in states.values() if "scene" in entry["state"]]
-    assert state["state"]["shown"] == "error"
-    assert state["state"]["camera"]["zoom"] == 1.25
-    assert len([buffer for buffer in state["buffers"] if "map" in buffer["path"]]) == 3
+    notebook.still_says("Networks on pair pair1 of pairs")
+    notebook.save()
     notebook.reload()
     page.wait_for_selector(".sfkit[data-pair='pair1']")
     page.wait_for_selector("button[data-value='error'][aria-pressed='true']")

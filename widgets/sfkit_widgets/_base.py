@@ -13,6 +13,8 @@ import traitlets
 from sfkit.errors import unknown_name
 from sfkit.figures import Theme
 from sfkit_widgets._commands import call, sentence
+from sfkit_widgets._sheet import Sheet
+from sfkit_widgets._still import STILL, Still, publish
 
 VIEWS_REMEMBERED = 16
 
@@ -46,6 +48,12 @@ class SfkitWidget(anywidget.AnyWidget):
     - Default: `""`
     """
 
+    still = traitlets.Unicode("").tag(sync=True)
+    """Class of the picture that stands for the widget where it does not run; it hides this one.
+
+    - Type: `str`
+    """
+
     acknowledged = traitlets.Dict().tag(sync=True)
     """Number of the last command that was carried out (or refused), by the view that sent it.
 
@@ -68,7 +76,30 @@ class SfkitWidget(anywidget.AnyWidget):
         self.refuse_unknown(settings)
         self._commanding = threading.RLock()
         super().__init__(**state, **settings)
+        self._still = Still(self.model_id, self._picture)
+        self.still = f"{STILL}-{self.model_id}"
+        self.observe(lambda _: self._still.changed())
         self.on_msg(self._receive)
+
+    def sheet(self) -> Sheet:
+        """What the widget looks like on paper, for notebooks that are opened without a kernel."""
+        return Sheet(type(self).__name__)
+
+    def _picture(self) -> Sheet:
+        with self._commanding:
+            return self.sheet()
+
+    def _ipython_display_(self, **_: object) -> None:
+        """Two outputs: the widget, and its still."""
+        data, metadata = self._repr_mimebundle_() or ({"text/plain": repr(self)}, {})
+        publish(data, metadata)
+        self._still.show()
+
+    def close(self) -> None:
+        """Leave the page; the still stays as it is."""
+        if still := getattr(self, "_still", None):
+            still.close()
+        super().close()
 
     def __repr__(self) -> str:
         """What stands where no widget can: plain, and the same in every run."""

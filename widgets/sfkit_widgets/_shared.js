@@ -60,6 +60,7 @@ export function mount({ model, el }, { label, kind }) {
     if (!alert.hidden && root.contains(document.activeElement)) alert.scrollIntoView({ block: "nearest" });
   });
   followTheme(root, model, ended.signal);
+  hideStill(model.get("still"), ended.signal);
   el.replaceChildren(root);
   return {
     root,
@@ -72,6 +73,19 @@ export function mount({ model, el }, { label, kind }) {
     announce: (text) => (live.textContent = text),
     close: () => ended.abort(),
   };
+}
+
+/**
+ * While a widget lives its still is not needed, nor the output that holds it in JupyterLab and Notebook.
+ * @param {string | undefined} name the still's class
+ * @param {AbortSignal} signal
+ */
+function hideStill(name, signal) {
+  if (!name) return;
+  const rule = `.jp-OutputArea-child:has(.${name}), .${name} { display: none !important; }`;
+  const sheet = element("style", {}, rule);
+  document.head.append(sheet);
+  signal.addEventListener("abort", () => sheet.remove());
 }
 
 /**

@@ -17,6 +17,8 @@ from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget
 from sfkit_widgets._commands import command
 from sfkit_widgets._compare_scene import palettes, scene
+from sfkit_widgets._compare_still import compare_sheet
+from sfkit_widgets._sheet import Sheet
 
 ARRANGEMENTS = ("side by side", "swipe", "blink")
 SHOWN = ("disparity", "error", "better")
@@ -110,6 +112,10 @@ class DisparityCompare(SfkitWidget):
         chosen = {"first": names[0], "second": names[min(1, len(names) - 1)], **settings}
         super().__init__(chosen, palettes=palettes(), pairs=list(self._comparison.pairs))
         self.choose(pair or self._comparison.pairs[0])
+
+    def sheet(self) -> Sheet:
+        """The pair and its networks, as they are shown."""
+        return compare_sheet(self._comparison.panels(self.scene["pair"]), self.shown, self.first)
 
     @property
     def comparison(self) -> Comparison:

@@ -14,7 +14,9 @@ from sfkit.analysis.labels import metric_label
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style
+from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
+from sfkit_widgets._still_sheets import population_sheet
 
 GENERATIONS_DRAWN, INDIVIDUALS_DRAWN = 100, 60
 """At most so many generations, and individuals of each, best first, reach the browser."""
@@ -50,6 +52,10 @@ class PopulationView(SearchView):
             raise InputError(f"archive: found {archive!r}, expected a whole number of at least 0")
         self._archive = archive
         super().__init__(source_of(search, metric, kind="subset"), settings)
+
+    def sheet(self) -> Sheet:
+        """Scores, shares of sources and the best subsets so far."""
+        return population_sheet(self.evolution)
 
     def _show(self) -> None:
         found = self._source.evolution()

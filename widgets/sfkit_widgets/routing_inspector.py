@@ -20,6 +20,8 @@ from sfkit_widgets._commands import command
 from sfkit_widgets._latest import Latest
 from sfkit_widgets._pictures import share_colours
 from sfkit_widgets._routing_traits import RoutingTraits
+from sfkit_widgets._sheet import Sheet
+from sfkit_widgets._still_sheets import inspector_sheet
 
 SETTLE_SECONDS = 0.15
 """After a reduced look the full one waits this long for the next edit: it would hold a drag up."""
@@ -102,6 +104,10 @@ class RoutingInspector(RoutingTraits):
             **state.pair_state(bench.preview),
             **state.look_state(bench.look, bench.preview),
         )
+
+    def sheet(self) -> Sheet:
+        """Weights, scales, pictures and scores as they stand."""
+        return inspector_sheet(self)
 
     @property
     def recipe(self) -> Recipe:

@@ -13,7 +13,9 @@ from sfkit.analysis.routings import RoutingTrace
 from sfkit.colours import SHARE, colour_at, text_on
 from sfkit.figures.theme import series_style
 from sfkit_widgets._assets import script, style
+from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
+from sfkit_widgets._still_sheets import routing_sheet
 
 SHADES = 32
 """Steps of the heatmap's colour map that reach the browser."""
@@ -43,6 +45,10 @@ class RoutingView(SearchView):
 
     def __init__(self, search: Watchable, *, metric: str | None = None, **settings: Any) -> None:
         super().__init__(source_of(search, metric, kind="routing"), settings)
+
+    def sheet(self) -> Sheet:
+        """The best recipe so far, and scores by evaluation."""
+        return routing_sheet(self.trace)
 
     def _show(self) -> None:
         found = self._source.trace()

@@ -15,7 +15,9 @@ from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget
 from sfkit_widgets._commands import command
 from sfkit_widgets._publisher import PUBLISHER
+from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import LiveSource, Watchable, source_of
+from sfkit_widgets._still_sheets import control_sheet
 
 QUESTIONS = {"Stage 1": "Stage 1: which sources?", "Stage 2": "Stage 2: how much of each, and where?"}
 
@@ -133,6 +135,10 @@ class SearchControl(SfkitWidget):
         """Take the widget away; the search goes on."""
         PUBLISHER.leave(self)
         super().close()
+
+    def sheet(self) -> Sheet:
+        """How far the search is."""
+        return control_sheet(self.progress)
 
     def _shown(self, now: Progress) -> dict[str, Any]:
         return shown_progress(now, self._source.metric, watched=not isinstance(self._source, LiveSource))

@@ -11,8 +11,11 @@ import traitlets
 from sfkit.errors import SfkitError, unknown_name
 from sfkit.figures import Theme
 from sfkit.search.following import FollowedJournal
+from sfkit_widgets._base import SfkitWidget
 from sfkit_widgets._publisher import PUBLISHER
+from sfkit_widgets._sheet import MARGIN, Sheet
 from sfkit_widgets._sources import JournalSource
+from sfkit_widgets._still import STILL, Still, publish
 from sfkit_widgets.population_view import PopulationView
 from sfkit_widgets.routing_view import RoutingView
 from sfkit_widgets.search_control import SearchControl
@@ -39,8 +42,9 @@ class SearchWatch(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no t
     def __init__(self, journal: FollowedJournal, metric: str | None, theme: str) -> None:
         self._journal, self._metric, self._theme = journal, metric, theme
         self._note = ipywidgets.Label()
-        self._stages: dict[str, tuple[ipywidgets.Widget, ...]] = {}
+        self._stages: dict[str, tuple[SfkitWidget, ...]] = {}
         super().__init__(children=(self._note,))
+        self._still = Still(self.model_id, self.sheet)
         traitlets.dlink((self, "says"), (self._note, "value"))
         self.refresh()
         PUBLISHER.follow(self)
@@ -59,17 +63,37 @@ class SearchWatch(ipywidgets.VBox):  # type: ignore[misc]  # ipywidgets has no t
             parts = [part for kind in begun for part in self._stages[kind]]
             self.children = (self._note, *parts)
 
+    def sheet(self) -> Sheet:
+        """The stages that have begun, one below the other, for notebooks that are opened without a kernel."""
+        sheet = Sheet("Search that runs elsewhere")
+        if self.says:
+            sheet.text(MARGIN, sheet.y + 12, self.says)
+            sheet.y += 20
+        for part in (part for parts in self._stages.values() for part in parts):
+            sheet.add(part.sheet())
+        return sheet
+
+    def _ipython_display_(self, **_: object) -> None:
+        """Two outputs: the widgets, and their still."""
+        publish(self._repr_mimebundle_())
+        self._still.show()
+
     def close(self) -> None:
         """Take it away, with all in it; the search goes on."""
+        self._still.close()
         PUBLISHER.leave(self)
         for child in self.children:
             child.close()
         super().close()
 
-    def _widgets(self, kind: str) -> tuple[ipywidgets.Widget, ...]:
+    def _widgets(self, kind: str) -> tuple[SfkitWidget, ...]:
         source = JournalSource(self._journal, kind, self._metric)
         view = PopulationView if kind == "subset" else RoutingView
-        return SearchControl(source, theme=self._theme), view(source, theme=self._theme)
+        made = SearchControl(source, theme=self._theme), view(source, theme=self._theme)
+        for part in made:
+            part.still = f"{STILL}-{self.model_id}"  # they hide the one picture of all
+            part.observe(lambda _: self._still.changed())
+        return made
 
 
 def watch(
