@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from sfkit.cards import card
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
 from sfkit.datasets.protocols import Rule, default_metric, rule
@@ -164,6 +165,18 @@ class Benchmark:
             "licence": self.licence,
             "notes": list(self.notes),
         }
+
+    def _repr_html_(self) -> str:
+        shown = ", ".join(self.ids[:4]) + (", …" if len(self) > 4 else "")
+        facts = {
+            "pairs": f"{self.coverage}: {shown}",
+            "metric": f"{self.metric}, under protocol {self.protocol}",
+            "resolution": self.resolution,
+            "licence": self.licence,
+            "to cite": self.citation,
+            "note": "; ".join(self.notes),
+        }
+        return card(f"Benchmark {self.name}", facts)
 
     def __str__(self) -> str:
         size = f", resolution {self.resolution}" if self.resolution else ""

@@ -13,6 +13,7 @@ import torch
 from torch import nn
 
 from sfkit.architectures import Architecture
+from sfkit.cards import card
 from sfkit.checkpoints.checks import TensorSpec
 from sfkit.checkpoints.spec import PoolSpec
 from sfkit.errors import InputError, unknown_name
@@ -267,6 +268,23 @@ class Pool:
             for member in (self.base, *self.sources)
         ]
         return pd.DataFrame(rows).set_index("name")
+
+    def _repr_html_(self) -> str:
+        members = [("base", self.base), *((source.name, source) for source in self.sources)]
+        return card(
+            f"Pool {self.name}",
+            {
+                "architecture": self.architecture.name,
+                "blocks": ", ".join(self.blocks),
+                "changed parameters": f"{self.layout.size:,}",
+                "warnings": len(self.warnings) or "",
+            },
+            columns=("member", "distance from the base", "licence"),
+            rows=[
+                (name, f"{member.kinship.distance:.3f}", member.licence or "not stated")
+                for name, member in members
+            ],
+        )
 
     def __repr__(self) -> str:
         return (

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sfkit.cards import card
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.steps import Step, as_dicts, from_dicts
 
@@ -80,6 +81,19 @@ class Recipe:
         names = tuple(blocks)
         row = tuple(float(w) for w in weights.values())
         return cls(tuple(weights), names, (row,) * len(names), (float(scale),) * len(names))
+
+    def _repr_html_(self) -> str:
+        if not self.sources:
+            return card("Recipe", {"sources": "none: the base itself"})
+        rows = [
+            (block, *(f"{weight:.2f}" for weight in row), f"× {scale:.2f}")
+            for block, row, scale in zip(self.blocks, self.weights, self.scales, strict=True)
+        ]
+        if self.tied and len(set(self.scales)) == 1:
+            rows = [("all blocks", *rows[0][1:])]
+        steps = ", ".join(type(step).__name__.lower() for step in self.preparation)
+        columns = ("block", *self.sources, "scale")
+        return card("Recipe", {"preparation": steps}, columns=columns, rows=rows)
 
     @property
     def tied(self) -> bool:

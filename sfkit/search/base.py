@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
+from sfkit.cards import card
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.outcome import Scorer
 from sfkit.search.journal import STOP_REQUESTED, Journal
@@ -106,6 +107,20 @@ class Search(ABC, Generic[C]):
         """The best candidate so far, the earlier one of a tie; None where nothing has a finite score."""
         scored = (candidate for candidate in self.state.candidates if not candidate.failed)
         return min(scored, key=lambda candidate: candidate.rank, default=None)
+
+    def _repr_html_(self) -> str:
+        counts = self.counts
+        facts = {
+            "metric": getattr(self._scorer, "metric", None),
+            "state": f"finished: {self.reason}" if self.done else f"generation {self.generation}, goes on",
+            "evaluations": f"{counts.distinct} ({counts.cached} from the store, {counts.failed} failed)",
+        }
+        rows = [
+            (rank, f"{one.score:.2f}", one.number, ", ".join(one.subset))
+            for rank, one in enumerate(self.archive(5), start=1)
+        ]
+        columns = ("best", "score", "candidate", "sources")
+        return card(f"{self.kind.capitalize()} search", facts, columns=columns, rows=rows)
 
     def archive(self, size: int | None = None) -> tuple[C, ...]:
         """The best unique candidates, best first: ``size`` of them, or all that have a finite score."""

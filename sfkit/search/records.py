@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from sfkit.cards import card
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
 
@@ -58,6 +59,14 @@ class Candidate:
     def rank(self) -> tuple[float, int]:
         """Sorts candidates, best first: by fitness, ties to the earlier one."""
         return (self.fitness, self.number)
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "score": "failed" if self.failed else f"{self.score:.2f}",
+            "generation": self.generation,
+            "error": self.outcome.error,
+        }
+        return card(f"Candidate {self.number}", facts) + self.recipe._repr_html_()
 
     def as_record(self) -> dict[str, Any]:
         """Plain values for the history and the journal."""

@@ -20,6 +20,7 @@ ROOMS = (
     "files",
     "streams",
     "colours",
+    "cards",
     "checkpoints",
     "architectures",
     "datasets",
@@ -46,11 +47,12 @@ NARROW: dict[str, set[str]] = {
     "files": set(),
     "streams": set(),
     "colours": set(),
+    "cards": set(),
     "checkpoints": {"errors", "files"},
     "architectures": {"errors"},
-    "datasets": {"errors", "files"},
-    "merging": {"errors", "files", "checkpoints", "architectures"},  # it never sees an image
-    "search": {"errors", "settings", "files", "streams", "merging", "evaluation"},
+    "datasets": {"errors", "files", "cards"},
+    "merging": {"errors", "files", "cards", "checkpoints", "architectures"},  # it never sees an image
+    "search": {"errors", "settings", "files", "streams", "cards", "merging", "evaluation"},
     "published": {"errors"},
     "editing": {"errors", "datasets", "merging", "evaluation"},
     "figures": {"errors", "colours", "analysis"},  # they draw records, and compute none

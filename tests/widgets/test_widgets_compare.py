@@ -157,7 +157,7 @@ def test_a_pair_without_truth_brings_its_right_image_and_residuals(
     pairs = open_benchmark("unlabelled", write_pairs(tmp_path, count=1))
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform()}
     state = DisparityCompare(pool, recipes, pairs, shown="better").scene
-    assert (state["kind"], state["unit"], state["truth"]) == ("residual", "%", b"")
+    assert (state["kind"], state["unit"], state["truth"]) == ("residual", "%", None)
     assert cv2.imdecode(np.frombuffer(state["right"], np.uint8), cv2.IMREAD_COLOR).shape == (48, 96, 3)
     expected = disparity_panels(pool, recipes, pairs).networks[1].error
     codes = np.frombuffer(state["networks"][1]["residual"], np.uint8).reshape(48, 96)

@@ -12,6 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import sfkit_widgets
 from browser_compare import widget as compare_widget
 from IPython.core.interactiveshell import InteractiveShell
 from sfkit_widgets import PopulationView, RoutingInspector, RoutingView, SearchControl, watch
@@ -22,6 +23,7 @@ from tiny import write_pairs, write_pool
 
 import sfkit
 from sfkit.analysis import previews
+from sfkit.errors import InputError
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -109,6 +111,30 @@ def test_a_watch_waits_on_paper_too(tmp_path: Path) -> None:
     assert any(text.startswith("Waiting for the first record") for text in texts)
 
 
+def test_one_call_each_inspects_compares_and_watches(
+    scorer: sfkit.Evaluator, which: SubsetSearch, how: RoutingSearch
+) -> None:
+    pool, benchmark = scorer.pool, scorer.benchmark
+    assert sfkit_widgets.inspect(scorer).sources == list(pool.names)
+    assert sfkit_widgets.inspect(pool, benchmark, subset=("a", "b")).sources == ["a", "b"]
+    shown = sfkit_widgets.compare(pool, benchmark=benchmark, shown="error")
+    assert [network["name"] for network in shown.scene["networks"]] == ["base", "all sources equally"]
+    for search, view in ((which, PopulationView), (how, RoutingView)):
+        watched = watch(search)
+        control, second = watched.parts
+        assert isinstance(control, SearchControl)
+        assert control.live.search is search
+        assert isinstance(second, view)
+        assert {control.still, second.still} == {f"sfkit-still-{watched.model_id}"}
+        texts, _ = drawn(watched.sheet())
+        assert texts[0] == "Search"
+        watched.close()
+    with pytest.raises(InputError, match="pool 'tiny', expected pairs to look at"):
+        sfkit_widgets.inspect(pool)
+    with pytest.raises(InputError, match="brings one already"):
+        sfkit_widgets.inspect(scorer, benchmark)
+
+
 def test_names_never_become_markup() -> None:
     sheet = Sheet("<b>haze</b> & co")
     sheet.text(0, 0, "x" * 100, room=50)
@@ -146,8 +172,6 @@ def test_a_widget_is_displayed_with_its_still_which_follows_at_the_end_of_a_cell
 
 
 def test_every_widget_has_a_sheet_of_its_own() -> None:
-    import sfkit_widgets
-
     classes = [getattr(sfkit_widgets, name) for name in sfkit_widgets.__all__]
     for made in classes:
         if isinstance(made, type) and issubclass(made, SfkitWidget):

@@ -1,6 +1,7 @@
 """Widgets to watch searches, edit routings and compare disparities in Jupyter."""
 
 from sfkit_widgets.disparity_compare import DisparityCompare
+from sfkit_widgets.opening import compare, inspect
 from sfkit_widgets.population_view import PopulationView
 from sfkit_widgets.routing_inspector import RoutingInspector
 from sfkit_widgets.routing_view import RoutingView
@@ -14,5 +15,7 @@ __all__ = [
     "RoutingView",
     "SearchControl",
     "SearchWatch",
+    "compare",
+    "inspect",
     "watch",
 ]

@@ -84,8 +84,8 @@ def scene(panels: DisparityPanels) -> dict[str, Any]:
         "unit": panels.kind.unit,
         "missing": panels.kind.missing,
         "left": _photograph(panels.left),
-        "right": b"" if panels.right is None else _photograph(panels.right),
-        "truth": coding.codes(panels.truth, missing=NO_VALUE).tobytes() if panels.right is None else b"",
+        "right": None if panels.right is None else _photograph(panels.right),
+        "truth": coding.codes(panels.truth, missing=NO_VALUE).tobytes() if panels.right is None else None,
         "networks": [_network(panels, network, coding) for network in panels.networks],
     }
 
@@ -106,7 +106,7 @@ def _network(panels: DisparityPanels, network: NetworkMaps, coding: MapCoding) -
         "name": network.name,
         "score": ", ".join(score_text(metric, score) for metric, score in network.scores.items()),
         "map": coding.codes(network.disparity, missing=NOT_FINITE).tobytes(),
-        "residual": b"" if panels.right is None else residual_codes(network.error).tobytes(),
+        "residual": None if panels.right is None else residual_codes(network.error).tobytes(),
         "against": [_against(other.error, network.error, panels.threshold) for other in panels.networks],
         "regions": [_region(region) for region in outlier_regions(network.error, panels.threshold)],
     }

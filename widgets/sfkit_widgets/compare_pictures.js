@@ -22,11 +22,12 @@ import { element, imageUrl } from "./_shared.js";
 /** @typedef {import("./compare_paint.js").Palettes} Palettes */
 /** @typedef {{x: number, y: number, width: number, height: number, pixels: number, above: number,
  *   mean: number | null, worst: number | null, peak: [number, number]}} Region */
-/** @typedef {{name: string, score: string, map: DataView, residual: DataView,
+/** @typedef {{name: string, score: string, map: DataView, residual: DataView | null,
  *   against: {fixed: number | null, broken: number | null}[], regions: Region[]}} SceneNetwork */
 /** @typedef {{benchmark: string, protocol: string, pair: string, width: number, height: number,
  *   offset: number, step: number, cut: boolean[], limits: number[], threshold: number, kind: "error" | "residual",
- *   unit: string, missing: string, left: DataView, right: DataView, truth: DataView, networks: SceneNetwork[]}} Scene */
+ *   unit: string, missing: string, left: DataView, right: DataView | null,
+ *   truth: DataView | null, networks: SceneNetwork[]}} Scene */
 
 export class Pictures {
   /**
@@ -38,11 +39,11 @@ export class Pictures {
     this.scene = scene;
     this.palettes = palettes;
     this.labelled = scene.kind === "error";
-    this.truth = codesOf(scene.truth);
+    this.truth = scene.truth ? codesOf(scene.truth) : new Uint16Array(0);
     this.maps = scene.networks.map((network) => codesOf(network.map));
-    this.residuals = scene.networks.map(({ residual: { buffer, byteOffset, byteLength } }) => {
-      return new Uint8Array(buffer, byteOffset, byteLength);
-    });
+    this.residuals = scene.networks.map(({ residual }) =>
+      residual ? new Uint8Array(residual.buffer, residual.byteOffset, residual.byteLength) : new Uint8Array(0),
+    );
     this.tables = {
       disparity: colourTable(palettes.disparity),
       error: colourTable(palettes.error),
@@ -58,18 +59,19 @@ export class Pictures {
     /** The images; null until they are decoded, the right one where there is ground truth, too.
      * @type {{left: HTMLCanvasElement | null, right: HTMLCanvasElement | null}} */
     this.photographs = { left: null, right: null };
-    this.decode("left", loaded);
-    if (!this.labelled) this.decode("right", loaded);
+    this.decode("left", scene.left, loaded);
+    if (scene.right) this.decode("right", scene.right, loaded);
   }
 
   /**
    * @param {"left" | "right"} side
+   * @param {DataView} bytes
    * @param {() => void} loaded
    */
-  decode(side, loaded) {
+  decode(side, bytes, loaded) {
     const { width, height } = this.scene;
     const image = new Image();
-    const url = imageUrl(this.scene[side], "image/jpeg");
+    const url = imageUrl(bytes, "image/jpeg");
     image.onload = () => {
       // A canvas, so that no frame decodes it again.
       const canvas = element("canvas", { width, height });
