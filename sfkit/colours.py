@@ -48,6 +48,17 @@ SHARE: Stops = (
 )
 """None (low) to all (high): cividis."""
 
+OPPOSED: Stops = (
+    (94, 60, 153),
+    (140, 112, 184),
+    (190, 175, 214),
+    (245, 245, 245),
+    (166, 214, 201),
+    (92, 174, 155),
+    (0, 109, 90),
+)
+"""Against (purple) to along (green), light at 0: neither is good or bad."""
+
 ERROR_SPAN = 3.0
 """An error map runs from 2^-3 to 2^3 times its threshold."""
 

@@ -21,14 +21,18 @@ with nothing in the store and {warm:.1f} minutes again. What it says first:
 
 {done.summary()}
 
-All methods, tuned on validation alone; `*` marks what guided them, `†` a row that chose by the test. `low`
-and `high` are the ends of the 95 % interval of the difference, over images:
+All methods, tuned on validation alone; `*` marks what guided them, `†` a row that chose by the mean of all:
 
-{markdown(done.table("main", "network"))}
+{markdown(done.table("main", "method"))}
+
+Against the last row on the mean of the unseen, in points; `low` and `high` are the ends of the 95 % interval,
+over images and, where a method draws, its seeds:
+
+{markdown(done.table("differences", "method"))}
 
 Single sources:
 
-{markdown(done.table("sources", "network"))}
+{markdown(done.table("sources", "benchmark"))}
 
 As many sources as the search chose, picked by the likeness of their data to each target (the paper's data-set
 combinations), against what the search found:
@@ -44,8 +48,8 @@ when the bank was built:
 
 Stages and scales (seed 0), then the metric and the benchmark that guide:
 
-{markdown(done.table("stages", "variant").drop(columns=["seed", "subset"]))}
+{markdown(done.table("stages", "variant"))}
 
 {markdown(done.table("metrics", "fitness metric"))}
 
-{markdown(done.table("guides", "guided by"))}"""
+{markdown(done.table("guides", "fitness"))}"""

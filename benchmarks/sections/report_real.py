@@ -35,13 +35,13 @@ that no interval exists: read differences with that in mind. What it says first:
 
 {done.summary()}
 
-All methods; `*` marks what guided them, `†` a row that chose by the test:
+All methods; `*` marks what guided them, `†` a row that chose by the mean of all:
 
-{markdown(done.table("main", "network"))}
+{markdown(done.table("main", "method"))}
 
 Single sources:
 
-{markdown(done.table("sources", "network"))}
+{markdown(done.table("sources", "benchmark"))}
 
 Cosines of the task vectors, by which the pool has fewer directions than sources, and how far each went, in
 percent of the base's norm:
@@ -56,6 +56,6 @@ What each method took, each for itself:
 
 Stages and scales (seed 0), then the benchmark that guides:
 
-{markdown(done.table("stages", "variant").drop(columns=["seed", "subset"]))}
+{markdown(done.table("stages", "variant"))}
 
-{markdown(done.table("guides", "guided by"))}"""
+{markdown(done.table("guides", "fitness"))}"""

@@ -1,8 +1,10 @@
 """Analysis: numbers for people to look at, as frozen records made by functions."""
 
 from sfkit.analysis.ablations import (
+    fitness_criteria,
     fitness_metrics,
     over_seeds,
+    selection_across,
     stage_variants,
     subset_transfer,
     validation_sets,
@@ -25,6 +27,7 @@ from sfkit.analysis.features import BlockOutputs, block_modules
 from sfkit.analysis.generalisation import Trial, run_trials
 from sfkit.analysis.geometry import TaskVectorGeometry, task_vector_geometry
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
+from sfkit.analysis.headed import ShownTable, publish_table, score_rows, shown_table
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.overfit import (
@@ -37,9 +40,12 @@ from sfkit.analysis.overfit import (
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
+from sfkit.analysis.qualitative import qualitative_grid
 from sfkit.analysis.ranking import Ranking, drawn_networks, rank_networks, ranking_table
 from sfkit.analysis.recipes import recipe_table
+from sfkit.analysis.references import reference_rows, with_references
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
+from sfkit.analysis.retraining import Retraining, retraining_against_merging
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
@@ -57,6 +63,7 @@ from sfkit.analysis.tables import (
 )
 from sfkit.analysis.trust import Trust, trust, trust_of
 from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
+from sfkit.analysis.worth import compare_methods, method_costs, worth
 
 __all__ = [
     "Advantage",
@@ -82,9 +89,11 @@ __all__ = [
     "PopulationSizes",
     "Ranking",
     "RegionScores",
+    "Retraining",
     "RoutingTrace",
     "ScoreGrid",
     "SelectionStatistics",
+    "ShownTable",
     "Spread",
     "StageCost",
     "Study",
@@ -98,6 +107,7 @@ __all__ = [
     "advantage_table",
     "block_modules",
     "block_probes",
+    "compare_methods",
     "compare_networks",
     "contenders",
     "corrected",
@@ -107,6 +117,7 @@ __all__ = [
     "drawn_networks",
     "environment",
     "export_table",
+    "fitness_criteria",
     "fitness_metrics",
     "growth",
     "holdout_check",
@@ -119,6 +130,7 @@ __all__ = [
     "measure_recipes",
     "measure_with",
     "method_cost",
+    "method_costs",
     "outlier_regions",
     "over_seeds",
     "overhead_table",
@@ -127,17 +139,24 @@ __all__ = [
     "population_history",
     "population_sizes",
     "probe_recipes",
+    "publish_table",
+    "qualitative_grid",
     "rank_networks",
     "ranking_table",
     "ranks",
     "recipe_table",
+    "reference_rows",
     "region_scores",
+    "retraining_against_merging",
     "routing_trace",
     "run_trials",
     "score_grid",
+    "score_rows",
     "seed_spread",
+    "selection_across",
     "selection_statistics",
     "shown",
+    "shown_table",
     "similarity_recipes",
     "simplicity",
     "source_table",
@@ -155,4 +174,6 @@ __all__ = [
     "verdict",
     "watched_population",
     "watched_routing",
+    "with_references",
+    "worth",
 ]

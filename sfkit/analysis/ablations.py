@@ -10,20 +10,22 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from sfkit.analysis.experiment import Answer, Experiment, overlap
+from sfkit.analysis.headed import UNSEEN, with_means
 from sfkit.analysis.measured import measure_with
 from sfkit.analysis.paired import paired_difference
+from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.separation import marked, pairs_in_common
 from sfkit.merging.recipe import Recipe
 from sfkit.search.constraints import transfer
 from sfkit.search.records import Counts
 
-MEAN = "mean of the unseen"
+MEAN = UNSEEN
 """The column that averages over the benchmarks which guided no search."""
 
 
@@ -38,7 +40,8 @@ def fitness_metrics(
         routing: with Stage 2; the subset alone without.
 
     Returns:
-        Columns: the subset, its overlap with the first row's (Jaccard, 0 to 1), the benchmarks, their mean.
+        Columns: the subset, the benchmarks, their mean, that of the unseen ones, and how much of the first
+        row's subset is in each (Jaccard, 0 to 1).
     """
     answers = {
         metric: experiment.answer(experiment.scorer(metric=metric), routing=routing) for metric in metrics
@@ -69,12 +72,75 @@ def validation_sets(
     names = [guide.name for guide in guides]
     if len(set(names)) < len(names):
         raise InputError(f"validation sets: found {names}, expected a name for each")
-    answers = [experiment.answer(experiment.scorer(guide), routing=routing) for guide in guides]
+    found = {guide.name: (guide, guide.metric) for guide in guides}
+    return _guided(experiment, found, routing=routing).rename_axis("guided by")
+
+
+def fitness_criteria(
+    experiment: Experiment, criteria: Sequence[tuple[Benchmark, str]] = (), *, routing: bool = True
+) -> pd.DataFrame:
+    """Does the answer depend on what the search minimises? Benchmark and metric change together.
+
+    (Table "Fitness-metric ablation", whose rows are Middlebury bad-2.0 and ETH3D bad-1.0.)
+
+    Args:
+        experiment: pool and budgets.
+        criteria: what guides each row and by which metric; the validation benchmark and the reported ones,
+            cut to as many pairs, each by its own metric, unless given.
+        routing: with Stage 2; the subset alone without.
+
+    Returns:
+        As :func:`fitness_metrics`, a row ``BENCHMARK METRIC``; its own mean leaves out what guided it.
+
+    Raises:
+        InputError: one criterion twice.
+    """
+    rows = _criteria(experiment, criteria)
+    return _guided(experiment, rows, routing=routing).rename_axis("fitness")
+
+
+def selection_across(
+    experiment: Experiment, criteria: Sequence[tuple[Benchmark, str]] = (), *, routing: bool = True
+) -> SelectionStatistics:
+    """What searches choose under different guides (figure "Selection statistics"); arguments as above.
+
+    Searches that :func:`fitness_criteria` or :func:`validation_sets` ran on the same store cost nothing.
+    """
+    guides = _criteria(experiment, criteria)
+    recipes = {
+        row: experiment.answer(experiment.scorer(guide, metric), routing=routing).recipe
+        for row, (guide, metric) in guides.items()
+    }
+    return selection_statistics(recipes, experiment.pool.names, groups=dict.fromkeys(recipes, "all guides"))
+
+
+def _criteria(
+    experiment: Experiment, criteria: Sequence[tuple[Benchmark, str]]
+) -> dict[str, tuple[Benchmark, str]]:
+    few = len(experiment.validation)
+    cut = [b.first(min(len(b), few)) for b in experiment.reported]
+    usual = [(one, one.metric) for one in (experiment.validation, *cut)]
+    chosen = [(one, Metric.parse(metric).name) for one, metric in criteria or usual]
+    rows = {f"{one.name} {metric}": (one, metric) for one, metric in chosen}
+    if len(rows) < len(chosen):
+        raise InputError(f"fitness criteria: found {[*rows]} more than once, expected each once")
+    return rows
+
+
+def _guided(
+    experiment: Experiment, guides: Mapping[str, tuple[Benchmark, str]], *, routing: bool
+) -> pd.DataFrame:
+    """One search a row, each guided by a benchmark and a metric of its own."""
+    answers = {
+        row: experiment.answer(experiment.scorer(guide, metric), routing=routing)
+        for row, (guide, metric) in guides.items()
+    }
+    first = next(iter(answers.values())).subset
     rows = [
-        _table(experiment, {guide.name: answer}, guide=guide, first=answers[0].subset)
-        for guide, answer in zip(guides, answers, strict=True)
+        _table(experiment, {row: answer}, guide=guides[row][0], first=first)
+        for row, answer in answers.items()
     ]
-    return pd.concat(rows).rename_axis("guided by")
+    return pd.concat(rows)
 
 
 def stage_variants(
@@ -186,9 +252,7 @@ def _table(
     subsets = [answer.subset for answer in answers.values()]
     compared = first or subsets[0]
     scores.insert(0, "subset", [", ".join(subset) for subset in subsets])
-    scores.insert(1, "sources", [len(subset) for subset in subsets])
-    scores.insert(2, "overlap", [overlap(compared, subset) for subset in subsets])
-    return scores
+    return scores.assign(overlap=[overlap(compared, subset) for subset in subsets])
 
 
 def scored(
@@ -206,10 +270,8 @@ def scored(
     seen = {*pairs_in_common([guide or experiment.validation], shown)}
     seen |= {edited.benchmark for edited in experiment.by_hand}
     unseen = [name for name in columns if name not in seen]
-    units = set(scores.loc[scores["benchmark"].isin(unseen), "unit"])
-    mean = table[unseen].mean(axis=1, skipna=False) if len(units) == 1 else np.nan
     marks = {} if guide is not None else {name: marked(name, guided=True) for name in columns if name in seen}
-    return table.rename(columns=marks).assign(**{MEAN: mean})
+    return with_means(table, experiment.compared, unseen).rename(columns=marks)
 
 
 def _distinct(counts: Iterable[Counts]) -> int:

@@ -12,8 +12,10 @@ from typing import Any
 
 import pandas as pd
 
+from sfkit.analysis.comparisons import ComparedColumn
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.metric import Metric
 from sfkit.editing import SeenByHand, seen_by_hand
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import FIELDS, HERE, Compute
@@ -146,6 +148,15 @@ class Experiment:
         """Benchmarks that are no test: what guides, what shares a pair with it, and :attr:`by_hand`."""
         apart = check_separation(self.validation, self.reported, allow=True)
         return tuple(dict.fromkeys((*apart.guided, *(seen.benchmark for seen in self.by_hand))))
+
+    @property
+    def compared(self) -> tuple[ComparedColumn, ...]:
+        """:attr:`columns` as heads of tables: name, protocol, metric, unit, whether it guided."""
+        metrics = [Metric.parse(self.metric_of(one)) for one in self.columns]
+        return tuple(
+            ComparedColumn(one.name, one.protocol, metric.name, metric.unit, one.name in self.guided)
+            for one, metric in zip(self.columns, metrics, strict=True)
+        )
 
     def changed(self, **fields: Any) -> Experiment:
         """The same experiment with some fields replaced; those of ``compute`` by name: ``device="cuda"``."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -63,6 +64,28 @@ class SelectionStatistics:
         table["weight when chosen"] = self.weight_when_chosen
         table["mean weight"] = self.weights.mean(axis=0)
         return table
+
+    def rivals(self) -> pd.DataFrame:
+        """A row a source: how often it is chosen and its mean weight, beside its strongest competitor's.
+
+        The strongest of the others is the one chosen most often, by mean weight where two are (figure 5).
+        """
+        weights, frequency = self.weights.mean(axis=0), self.frequency
+        rows = []
+        for n, source in enumerate(self.sources):
+            others = [m for m in range(len(self.sources)) if m != n]
+            rival = max(others, key=lambda m: (frequency[m], weights[m]), default=None)
+            rows.append(
+                {
+                    "source": source,
+                    "chosen (%)": 100.0 * frequency[n],
+                    "mean weight (%)": 100.0 * weights[n],
+                    "strongest other": "" if rival is None else self.sources[rival],
+                    "its chosen (%)": math.nan if rival is None else 100.0 * frequency[rival],
+                    "its mean weight (%)": math.nan if rival is None else 100.0 * weights[rival],
+                }
+            )
+        return pd.DataFrame(rows).set_index("source")
 
 
 def selection_statistics(

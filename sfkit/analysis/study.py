@@ -12,12 +12,15 @@ import pandas as pd
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
+from sfkit.analysis.headed import MEAN, UNSEEN, with_means
 from sfkit.analysis.judgement import Judgement
-from sfkit.analysis.labels import marked
+from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
+from sfkit.analysis.tables import source_table
 from sfkit.analysis.verdict import Verdict, verdict
+from sfkit.analysis.worth import method_costs
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.editing import SeenByHand
 from sfkit.errors import InputError
@@ -27,7 +30,9 @@ from sfkit.merging.recipe import Recipe
 
 SEEDED = ("stage1", "stage1_2")
 """Methods that are run once a seed."""
-BASE = "base"
+BASE, UNIFORM = "base", "uniform"
+ORACLE = "†"
+"""Stands behind a row that chose by the benchmarks of the report."""
 
 LineCallback = Callable[[str], None]
 """Hears what begins."""
@@ -118,14 +123,43 @@ class Study:
         )
 
     def table(self) -> pd.DataFrame:
-        """The main table: scores, means, differences with intervals, seeds, a verdict in a word or two.
+        """The paper's main table: a row a method, a column a benchmark, the mean of all and of the unseen.
 
         ``*`` marks the columns that guided, ``†`` the rows that chose by the test.
         """
-        table = self.comparison.table()
-        table["verdict"] = [_word(row.difference) for row in self.comparison.rows]
-        oracles = {r.label: f"{r.label} †" for r in self.runs.values() if r.oracle}
-        return table.rename(index=oracles)
+        shown = self.comparison.columns
+        rows = [row.scores for row in self.comparison.rows]
+        names = pd.Index([self._marked(row.network) for row in self.comparison.rows], name="method")
+        table = pd.DataFrame(rows, index=names, columns=[one.benchmark for one in shown])
+        labels = {one.benchmark: one.label for one in shown}
+        return with_means(table, shown, [one.benchmark for one in self.unseen]).rename(columns=labels)
+
+    def differences_table(self) -> pd.DataFrame:
+        """A row a method: how it differs from the reference on the unseen mean, how sure, over which seeds.
+
+        In points (or pixels) with the ends of the interval; NaN where there is none, and the words say why.
+        """
+        unit = points(self.comparison.unit)
+        rows = []
+        for row in self.comparison.rows:
+            found = row.difference
+            low, high = (found and found.interval) or (math.nan, math.nan)
+            rows.append(
+                {
+                    "method": self._marked(row.network),
+                    f"to {self.reference} ({unit})": found.value if found else math.nan,
+                    f"low ({unit})": low,
+                    f"high ({unit})": high,
+                    f"seeds ± ({unit})": row.spread.deviation if row.spread else math.nan,
+                    f"gap to validation ({unit})": row.gap,
+                    "verdict": _word(found),
+                }
+            )
+        return pd.DataFrame(rows).set_index("method")
+
+    def _marked(self, label: str) -> str:
+        oracles = {result.label for result in self.runs.values() if result.oracle}
+        return f"{label} {ORACLE}" if label in oracles else label
 
     def scores(self) -> pd.DataFrame:
         """Base, sources and methods, seeds averaged, for :func:`~sfkit.analysis.scores.score_grid`."""
@@ -147,14 +181,17 @@ class Study:
         return pd.DataFrame(rows)
 
     def sources_table(self) -> pd.DataFrame:
-        """Base and single sources on every benchmark, and the mean over those that guided nothing."""
-        names = (BASE, *self.experiment.pool.names)
-        columns = {
-            marked(one.benchmark, one.validation): [one.score(name) for name in names]
-            for one in self.measured
-        }
-        table = pd.DataFrame(columns, index=pd.Index(names, name="network"))
-        return table.assign(**{"mean of the unseen": [self.mean(name) for name in names]})
+        """The paper's table of sources: a row a benchmark, a column the base, each source, and uniform.
+
+        Below stand the mean of all benchmarks, by which the oracle chooses, and that of the unseen.
+        """
+        names = (BASE, *self.experiment.pool.names, UNIFORM)
+        shown = [replace(one, images={name: one.images[name] for name in names}) for one in self.measured]
+        table = source_table(shown)
+        columns = self.comparison.columns
+        scores = table.T.set_axis([one.benchmark for one in columns], axis=1)
+        means = with_means(scores, columns, [one.benchmark for one in self.unseen])[[MEAN, UNSEEN]]
+        return pd.concat([table, means.T]).rename_axis("benchmark")
 
     def cost_table(self) -> pd.DataFrame:
         """What each method took: evaluations on validation, image pairs through a network, seconds.
@@ -173,6 +210,10 @@ class Study:
         ]
         return pd.DataFrame(rows).set_index("method")
 
+    def costs(self) -> tuple[MethodCost, ...]:
+        """What each method took, each for itself, for tables and figures."""
+        return method_costs(self.run)
+
     def overhead_table(self, training: Mapping[str, float]) -> pd.DataFrame:
         """What each method took beside the fine-tuning of the sources: the paper's table of costs.
 
@@ -182,11 +223,7 @@ class Study:
         Raises:
             InputError: no training, or one without a positive time.
         """
-        costs = [
-            MethodCost(result.label, result.evaluations, result.image_passes, result.seconds)
-            for result in self.run.results.values()
-        ]
-        return overhead_table(costs, training)
+        return overhead_table(self.costs(), training)
 
 
 def study(
@@ -214,8 +251,7 @@ def study(
     if seeds < 1:
         raise InputError(f"seeds: found {seeds}, expected at least 1")
     used = tuple(experiment.seed + number for number in range(seeds))
-    guided = experiment.guided
-    tests = [experiment.scorer(one) for one in experiment.columns if one.name not in guided]
+    tests = [experiment.scorer(one, experiment.metric_of(one)) for one in experiment.columns]
     run = _run(experiment, used[0], methods, tests, settings, progress)
     runs = _seeded(experiment, run, used, settings, progress)
     progress("every network on every benchmark")
@@ -277,10 +313,10 @@ def _seeded(
 
 
 def _networks(pool: Pool, runs: Mapping[str, BaselineResult]) -> dict[str, tuple[Pool, Recipe]]:
-    """Base, sources, and what the methods found, each with the pool it belongs to."""
+    """Base, sources, their equal mixture, and what methods found, each with the pool it belongs to."""
     alone = {name: (pool, pool.equal(name)) for name in pool.names}
     found = {name: (result.pool, result.recipe) for name, result in runs.items()}
-    return {BASE: (pool, pool.base_recipe()), **alone, **found}
+    return {BASE: (pool, pool.base_recipe()), **alone, UNIFORM: (pool, pool.uniform()), **found}
 
 
 def _compare(

@@ -126,6 +126,7 @@ def latex_table(
     digits: int = 2,
     caption: str = "",
     label: str = "",
+    marks: pd.DataFrame | None = None,
 ) -> str:
     """The table as LaTeX for the package booktabs, best bold and second best underlined.
 
@@ -136,8 +137,10 @@ def latex_table(
         digits: decimals of numbers.
         caption: below which the table stands; with it or a label the table floats.
         label: to refer to.
+        marks: of :func:`ranks`, where they are known; made here unless given.
     """
-    return _latex(table, ranks(table, along=along, columns=columns), digits, caption, label)
+    found = ranks(table, along=along, columns=columns) if marks is None else marks
+    return _latex(table, found, digits, caption, label)
 
 
 def _latex(table: pd.DataFrame, marks: pd.DataFrame, digits: int, caption: str, label: str) -> str:

@@ -7,6 +7,7 @@ Each is called with a pool and an evaluator, and says what it chose, tried and c
     sfkit.baselines.baseline_table(run)
 """
 
+from sfkit.baselines.fusion import fusion_table
 from sfkit.baselines.interference import dare, dare_ties, ties
 from sfkit.baselines.learned import adamerging, adamerging_blocks, fisher
 from sfkit.baselines.plain import single_best, single_best_oracle, task_arithmetic, uniform
@@ -63,6 +64,7 @@ __all__ = [
     "dare_ties",
     "exhaustive",
     "fisher",
+    "fusion_table",
     "greedy_soup",
     "greedy_soup_strict",
     "random_subsets",

@@ -30,7 +30,7 @@ def single_best(trials: Trials) -> Choice:
     oracle=True,
 )
 def single_best_oracle(trials: Trials, *, tests: Sequence[Validation] = ()) -> Choice:
-    """The source with the best mean over the benchmarks one reports on: it needs their answers.
+    """The source with the best mean over all benchmarks of the report: it needs their answers.
 
     Raises:
         InputError: no benchmark to look at.

@@ -5,7 +5,7 @@ that read on a light page, a dark one, or both.
 """
 
 from sfkit.figures.comparisons import benchmark_comparison_figure, comparison_figure
-from sfkit.figures.costs import cost_figure
+from sfkit.figures.costs import cost_figure, method_cost_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
@@ -15,10 +15,12 @@ from sfkit.figures.growth import population_sizes_figure
 from sfkit.figures.interpolation import interpolation_figure
 from sfkit.figures.overfit import learning_figure
 from sfkit.figures.probes import probes_figure
+from sfkit.figures.qualitative import qualitative_figure
 from sfkit.figures.ranking import ranking_figure
+from sfkit.figures.retraining import teaser_figure
 from sfkit.figures.routings import routing_figure, scales_figure
 from sfkit.figures.scores import scores_figure
-from sfkit.figures.selection import selection_figure
+from sfkit.figures.selection import rivals_figure, selection_figure
 from sfkit.figures.similarity import similarity_figure
 from sfkit.figures.theme import Theme, template
 
@@ -34,14 +36,18 @@ __all__ = [
     "geometry_figure",
     "interpolation_figure",
     "learning_figure",
+    "method_cost_figure",
     "population_figure",
     "population_sizes_figure",
     "probes_figure",
+    "qualitative_figure",
     "ranking_figure",
+    "rivals_figure",
     "routing_figure",
     "scales_figure",
     "scores_figure",
     "selection_figure",
     "similarity_figure",
+    "teaser_figure",
     "template",
 ]

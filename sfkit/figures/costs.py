@@ -8,7 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.costs import StageCost
+from sfkit.analysis.costs import MethodCost, StageCost
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 
@@ -52,4 +52,52 @@ def cost_figure(costs: Sequence[StageCost], *, theme: str = "auto", height: int 
         f"the store saved {saved:,.1f} s",
         height=height or 36 * len(costs) + 230,
         barmode="stack",
+    )
+
+
+def method_cost_figure(
+    costs: Sequence[MethodCost], *, theme: str = "auto", height: int | None = None
+) -> go.Figure:
+    """Draw what whole methods take from nothing: evaluations and seconds, a bar a method.
+
+    Args:
+        costs: from :meth:`sfkit.analysis.Study.costs`, or of one's own.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        height: of the figure in pixels; by the number of methods unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    read_theme(theme)
+    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.06)
+    methods = [cost.method for cost in costs]
+    parts = (
+        (ACCENT, [cost.evaluations for cost in costs], "evaluations on validation (number)", ",.0f"),
+        (WARM, [cost.seconds for cost in costs], "time of computing (s)", ".1f"),
+    )
+    for col, (colour, values, title, form) in enumerate(parts, start=1):
+        figure.add_trace(
+            go.Bar(
+                x=values,
+                y=methods,
+                orientation="h",
+                marker={"color": colour, "line": {"width": 0}},
+                hovertemplate=f"%{{y}}: %{{x:{form}}}<extra></extra>",
+            ),
+            row=1,
+            col=col,
+        )
+        figure.update_xaxes(title_text=title, row=1, col=col)
+    figure.update_yaxes(type="category", autorange="reversed")
+    figure.update_yaxes(title_text="method", row=1, col=1)
+    dearest = max(costs, key=lambda cost: cost.evaluations)
+    return finish(
+        figure,
+        theme=theme,
+        title="What does each method take?",
+        subtitle=f"each from nothing, whatever the store held; most: {dearest.method}, "
+        f"{dearest.evaluations:,} evaluations",
+        height=height or 24 * len(costs) + 190,
+        showlegend=False,
+        margin={"b": 60},
     )

@@ -7,7 +7,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.geometry import TaskVectorGeometry
-from sfkit.colours import SHARE
+from sfkit.colours import OPPOSED, SHARE
 from sfkit.figures.heatmaps import CELL, matrix
 from sfkit.figures.theme import finish, read_theme
 
@@ -43,7 +43,17 @@ def geometry_figure(
     np.fill_diagonal(cosines, np.nan)  # 1 by definition, and would take all the colour
     bars = [{"x": 0.535, "xanchor": "left"}, {"x": 1.01, "xanchor": "left"}]
     figure.add_trace(
-        matrix(cosines, sources, sources, name="cosine", unit="cosine", form=".2f", bar=bars[0]),
+        matrix(
+            cosines,
+            sources,
+            sources,
+            name="cosine",
+            unit="cosine (-1 opposite, 1 the same way)",
+            stops=OPPOSED,
+            limits=(-1.0, 1.0),
+            form=".2f",
+            bar=bars[0],
+        ),
         row=1,
         col=1,
     )

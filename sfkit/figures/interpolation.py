@@ -12,7 +12,11 @@ from plotly.subplots import make_subplots
 from sfkit.analysis.interpolation import InterpolationCurve
 from sfkit.analysis.labels import marked, metric_label, points
 from sfkit.errors import InputError
-from sfkit.figures.theme import finish, read_theme, series_style
+from sfkit.figures.theme import LOOKS, finish, read_theme, series_style
+
+MANY = 6
+"""Lines that one panel can hold apart."""
+ACROSS = 4
 
 
 def interpolation_figure(
@@ -28,7 +32,7 @@ def interpolation_figure(
         curves: from :func:`~sfkit.analysis.interpolation.interpolation_curves`.
         theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
         ends: what stands at 0 and at 1.
-        height: of the figure in pixels; 460 unless given.
+        height: of the figure in pixels; 460 unless given, by their number where each line has a panel.
 
     Raises:
         InputError: no curve, or an unknown theme.
@@ -40,6 +44,8 @@ def interpolation_figure(
     names = list(dict.fromkeys(curve.name for curve in curves))
     guided = {curve.benchmark for curve in curves if curve.validation}
     titles = [marked(escape(name), name in guided) for name in benchmarks]
+    if len(benchmarks) == 1 and len(names) > MANY:
+        return _apart(curves, theme=theme, ends=ends, height=height)
     figure = make_subplots(rows=1, cols=len(benchmarks), subplot_titles=titles, horizontal_spacing=0.07)
     for curve in curves:
         _line(figure, curve, names.index(curve.name), benchmarks.index(curve.benchmark) + 1)
@@ -56,7 +62,49 @@ def interpolation_figure(
     )
 
 
-def _line(figure: go.Figure, curve: InterpolationCurve, number: int, col: int) -> None:
+def _apart(
+    curves: Sequence[InterpolationCurve], *, theme: str, ends: tuple[str, str], height: int | None
+) -> go.Figure:
+    """Many lines on one benchmark: a panel each, all others faint behind it, on one scale."""
+    across = min(ACROSS, len(curves))
+    down = -(-len(curves) // across)
+    figure = make_subplots(
+        rows=down,
+        cols=across,
+        shared_xaxes=True,
+        shared_yaxes=True,
+        horizontal_spacing=0.02,
+        vertical_spacing=0.09 if down > 1 else 0.0,
+        subplot_titles=[escape(curve.name) for curve in curves],
+    )
+    faint = LOOKS[read_theme(theme)].rule
+    for number, curve in enumerate(curves):
+        place = {"row": number // across + 1, "col": number % across + 1}
+        for other in curves:
+            if other is not curve:
+                line = {"color": faint, "width": 1}
+                hidden = {"mode": "lines", "hoverinfo": "skip", "showlegend": False}
+                figure.add_trace(
+                    go.Scatter(x=other.positions.tolist(), y=other.scores.tolist(), line=line, **hidden),
+                    **place,
+                )
+        _line(figure, curve, 0, place["col"], row=place["row"])
+    figure.update_xaxes(tickvals=[0.0, 0.5, 1.0], ticktext=[escape(ends[0]), "half", escape(ends[1])])
+    figure.update_yaxes(title_text=metric_label(curves[0].metric), col=1)
+    figure.update_annotations(font_size=12)
+    first = curves[0]
+    return finish(
+        figure,
+        theme=theme,
+        title=f"What lies between {escape(ends[0])} and {escape(ends[1])}?",
+        subtitle=f"{escape(marked(first.benchmark, first.validation))}: {_answer(curves, first.validation)}",
+        height=height or 150 * down + 160,
+        showlegend=False,
+        margin={"b": 50},
+    )
+
+
+def _line(figure: go.Figure, curve: InterpolationCurve, number: int, col: int, *, row: int = 1) -> None:
     finite = np.isfinite(curve.scores)
     at, scores = curve.positions[finite], curve.scores[finite]
     best = scores.argmin() if scores.size else -1
@@ -72,7 +120,7 @@ def _line(figure: go.Figure, curve: InterpolationCurve, number: int, col: int) -
             showlegend=col == 1,
             hovertemplate="%{x:.2f}: %{y:.2f}<extra>" + escape(curve.name) + "</extra>",
         ),
-        row=1,
+        row=row,
         col=col,
     )
 

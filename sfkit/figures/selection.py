@@ -9,7 +9,7 @@ from plotly.subplots import make_subplots
 from sfkit.analysis.selection import SelectionStatistics
 from sfkit.colours import SHARE
 from sfkit.figures.heatmaps import CELL, matrix
-from sfkit.figures.theme import ACCENT, WARM, finish, read_theme
+from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 
 def selection_figure(
@@ -82,4 +82,70 @@ def selection_figure(
         height=height or 170 + max(lower, 80) + 240,
         barmode="group",
         margin={"b": 130},
+    )
+
+
+def rivals_figure(
+    statistics: SelectionStatistics, *, theme: str = "auto", height: int | None = None
+) -> go.Figure:
+    """Draw each source's frequency and mean weight, and its strongest competitor's (figure 5 of the paper).
+
+    Args:
+        statistics: from :func:`~sfkit.analysis.selection.selection_statistics`, over validation settings.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        height: of the figure in pixels; by the number of sources unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    muted = LOOKS[read_theme(theme)].muted
+    table = statistics.rivals()
+    figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.05)
+    for col, name in enumerate(("chosen (%)", "mean weight (%)"), start=1):
+        own, other = table[name], table[f"its {name}"]
+        for x0, x1, source in zip(own, other, table.index, strict=True):
+            line = {"color": muted, "width": 1}
+            figure.add_trace(
+                go.Scatter(
+                    x=[x0, x1], y=[source] * 2, mode="lines", line=line, hoverinfo="skip", showlegend=False
+                ),
+                row=1,
+                col=col,
+            )
+        for values, label, symbol, colour in (
+            (other, "its strongest competitor", "diamond-open", WARM),
+            (own, "the source", "circle", ACCENT),
+        ):
+            figure.add_trace(
+                go.Scatter(
+                    x=values.tolist(),
+                    y=table.index.tolist(),
+                    mode="markers",
+                    name=label,
+                    legendgroup=label,
+                    showlegend=col == 1,
+                    marker={
+                        "symbol": symbol,
+                        "size": 10,
+                        "color": colour,
+                        "line": {"color": colour, "width": 2},
+                    },
+                    text=table["strongest other"].tolist() if values is other else table.index.tolist(),
+                    hovertemplate="%{text}: %{x:.0f} %<extra>" + label + "</extra>",
+                ),
+                row=1,
+                col=col,
+            )
+        figure.update_xaxes(title_text=name, range=[-4, 104] if col == 1 else None, row=1, col=col)
+    figure.update_yaxes(type="category", autorange="reversed")
+    figure.update_yaxes(title_text="source", row=1, col=1)
+    runs = len(statistics.runs)
+    always = [n for n, share in zip(statistics.sources, statistics.frequency, strict=True) if share == 1.0]
+    said = f"chosen by all: {', '.join(always)}" if always else "no source is chosen by all"
+    return finish(
+        figure,
+        theme=theme,
+        title="Is any source needed whatever guides?",
+        subtitle=f"{runs} searches; {said}",
+        height=height or 26 * len(statistics.sources) + 230,
     )

@@ -1,15 +1,20 @@
-"""One HTML page from an executed notebook: no request leaves it, and it reads in light and in dark."""
+"""One HTML page from an executed notebook: no request leaves it, and it reads in light and in dark.
+
+It reads as a document: the answer is its title, a box says what that rests on, then the notebook's chapters;
+parameters, versions and how to make it again stand at the end.
+"""
 
 from __future__ import annotations
 
 import copy
-import html
 import json
 import logging
+import re
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from html import unescape
 from importlib import metadata, resources
 from typing import Any
 
@@ -20,6 +25,8 @@ from papermill.execute import ERROR_MARKER_TAG
 from plotly.offline import get_plotlyjs
 from pygments.formatters import HtmlFormatter
 
+from sfkit.reports.conclusion import Conclusion, take_conclusion
+from sfkit.reports.text import escaped
 from sfkit.reports.widgets import STILL, VIEW_MIME, SavedWidgets
 
 PLOTLY_MIME = "application/vnd.plotly.v1+json"
@@ -32,6 +39,10 @@ CONTENT_POLICY = (
     "media-src data:; frame-src data:; style-src 'unsafe-inline'; "
     "script-src 'nonce-{nonce}' 'unsafe-eval'; worker-src blob:"
 )
+
+CHAPTER = re.compile(r'<h2 id="([^"]+)">(.*?)(?=<a class="anchor-link"|</h2>)', re.DOTALL)
+ENDING = ("how-this-page-was-made", "How this page was made")
+PARAMETER_TAGS = {"parameters", "injected-parameters"}
 
 PAGE = """<!doctype html>
 <html lang="en">
@@ -46,12 +57,14 @@ PAGE = """<!doctype html>
 </head>
 <body>
 <header>
-{summary}
-<label><input type="checkbox" id="show-code"> Show code</label>
+{opening}
 </header>
 <main>
 {body}
 </main>
+<footer>
+{ending}
+</footer>
 {drawing}
 </body>
 </html>
@@ -106,6 +119,8 @@ def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     widgets = SavedWidgets(shown)
     figures = [_as_markup(output.data, widgets) for output in outputs if "data" in output]
     shown.metadata.pop("widgets", None)
+    name, conclusion = _take_title(shown) or run.notebook, take_conclusion(shown)
+    shown.cells = _parameters_last(shown.cells)
     body, _ = _exporter().from_notebook_node(shown)
     files = resources.files("sfkit.reports")
     drawing = [get_plotlyjs(), files.joinpath("page.js").read_text(encoding="utf-8")] if any(figures) else []
@@ -113,10 +128,11 @@ def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     scripts = [f'<script nonce="{nonce}">{script}</script>' for script in (*drawing, *widgets.scripts())]
     return PAGE.format(
         policy=CONTENT_POLICY.format(nonce=nonce),
-        title=html.escape(_title(shown, run)),
+        title=escaped(conclusion.title if conclusion else name),
         style=_code_style() + files.joinpath("page.css").read_text(encoding="utf-8"),
-        summary=_summary(run, failed),
+        opening=_opening(name, conclusion, run, failed) + _contents(body),
         body=body,
+        ending=_ending(run),
         drawing="\n".join([widgets.state(), *scripts]),
     )
 
@@ -155,37 +171,70 @@ def _as_markup(data: NotebookNode, widgets: SavedWidgets) -> bool:
     return False
 
 
-def _title(notebook: NotebookNode, run: NotebookRun) -> str:
-    """The notebook's first heading, else its file name."""
+def _take_title(notebook: NotebookNode) -> str | None:
+    """The notebook's first heading, which leaves its cell; None where there is none."""
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
-            for line in cell.source.splitlines():
+            lines = cell.source.splitlines()
+            for number, line in enumerate(lines):
                 if line.startswith("# "):
+                    cell.source = "\n".join(lines[:number] + lines[number + 1 :])
                     return str(line[2:].strip())
-    return run.notebook
+    return None
 
 
-def _summary(run: NotebookRun, failed: NotebookNode | None) -> str:
-    when = run.started.strftime("%Y-%m-%d %H:%M %Z")
-    done = "failed after" if run.failure else "finished in"
-    lines = [
-        f"<p>{html.escape(run.notebook)}, {html.escape(when)}: {done} {run.seconds:.0f} s, "
-        f"with sfkit {html.escape(metadata.version('sfkit'))}.</p>"
-    ]
-    if run.failure:
-        where = (
-            f' <a href="#cell-id={html.escape(failed.id)}">Go to the cell.</a>' if failed is not None else ""
+def _parameters_last(cells: list[NotebookNode]) -> list[NotebookNode]:
+    """The cells, those that hold the parameters and the prose right above them behind all others."""
+    places = [n for n, cell in enumerate(cells) if PARAMETER_TAGS & set(cell.metadata.get("tags", []))]
+    if places and places[0] > 1 and cells[places[0] - 1].cell_type == "markdown":
+        places.insert(0, places[0] - 1)
+    moved = [cells[n] for n in places]
+    return [cell for n, cell in enumerate(cells) if n not in places] + moved
+
+
+def _opening(name: str, conclusion: Conclusion | None, run: NotebookRun, failed: NotebookNode | None) -> str:
+    """The answer and what it rests on; the notebook's own title where it has none."""
+    lines = [f"<h1>{escaped(name)}</h1>"]
+    if conclusion is not None:
+        points = "".join(f"<li>{escaped(sentence)}</li>" for sentence in conclusion.sentences)
+        lines = [f'<p class="question">{escaped(name)}</p>', f"<h1>{escaped(conclusion.title)}</h1>"]
+        lines += [f'<section class="verdict" aria-label="In short"><ul>{points}</ul></section>'] * bool(
+            points
         )
+    if run.failure:
+        where = f' <a href="#cell-id={escaped(failed.id)}">Go to the cell.</a>' if failed is not None else ""
         lines.append(
             f'<p role="alert" class="failure"><strong>This run failed.</strong> '
-            f"{html.escape(run.failure.error)}.{where} Cells below it did not run.</p>"
+            f"{escaped(run.failure.error)}.{where} Cells below it did not run.</p>"
         )
+    return "\n".join(lines)
+
+
+def _contents(body: str) -> str:
+    """Links to the chapters, where there are several."""
+    found = [(i, unescape(re.sub(r"<[^>]*>", "", text))) for i, text in CHAPTER.findall(body)]
+    links = "".join(f'<li><a href="#{i}">{escaped(text)}</a></li>' for i, text in [*found, ENDING])
+    contents = f'<nav aria-label="Contents"><ol>{links}</ol></nav>' if len(found) > 1 else ""
+    return f'\n{contents}\n<label><input type="checkbox" id="show-code"> Show code</label>'
+
+
+def _ending(run: NotebookRun) -> str:
+    """Where the page comes from."""
+    done = "failed after" if run.failure else "finished in"
+    lines = [
+        f'<h2 id="{ENDING[0]}">{ENDING[1]}</h2>',
+        f"<p>Notebook {escaped(run.notebook)}, {escaped(run.started.strftime('%Y-%m-%d %H:%M %Z'))}: {done} "
+        f"{run.seconds:.0f} s, with sfkit {escaped(metadata.version('sfkit'))}.</p>",
+    ]
     if run.parameters:
         rows = "".join(
-            f"<tr><th scope='row'>{html.escape(name)}</th><td>{html.escape(repr(value))}</td></tr>"
+            f"<tr><th scope='row'>{escaped(name)}</th><td>{escaped(repr(value))}</td></tr>"
             for name, value in run.parameters.items()
         )
-        lines.append(f"<table><caption>Parameters given</caption><tbody>{rows}</tbody></table>")
+        lines.append(
+            '<div class="scroll"><table><caption>Parameters given</caption>'
+            f"<tbody>{rows}</tbody></table></div>"
+        )
     return "\n".join(lines)
 
 

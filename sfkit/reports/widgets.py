@@ -7,13 +7,14 @@ other widgets, boxes are laid out and labels written; what else there is keeps i
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Mapping
 from importlib import resources
 from typing import Any
 
 from nbformat import NotebookNode
+
+from sfkit.reports.text import escaped
 
 VIEW_MIME = "application/vnd.jupyter.widget-view+json"
 STATE_MIME = "application/vnd.jupyter.widget-state+json"
@@ -79,9 +80,9 @@ class SavedWidgets:
         state, kind = entry["state"], entry.get("model_name")
         if state.get("_esm"):
             self._placed[identity] = entry
-            return f'<div class="widget" data-model="{html.escape(identity)}"></div>'
+            return f'<div class="widget" data-model="{escaped(identity)}"></div>'
         if kind == "LabelModel" and state.get("value"):
-            return f"<p>{html.escape(str(state['value']))}</p>"
+            return f"<p>{escaped(state['value'])}</p>"
         if kind not in DIRECTIONS:
             return ""
         names = [str(child).removeprefix(REFERENCE) for child in state.get("children", [])]

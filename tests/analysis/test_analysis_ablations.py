@@ -14,6 +14,7 @@ from flat_world import benchmark, flat_spec
 from sfkit import EvaluationStore, InputError, open_pool
 from sfkit.analysis import (
     Experiment,
+    fitness_criteria,
     fitness_metrics,
     growth,
     over_seeds,
@@ -72,9 +73,20 @@ def test_two_guides_of_one_name_are_refused(experiment: Experiment) -> None:
 def test_every_metric_guides_a_search_of_its_own(experiment: Experiment) -> None:
     table = fitness_metrics(experiment, ("epe", "bad-1.0"), routing=False)
     assert table["subset"].tolist() == ["one, five"] * 2  # it alone is within 1 px of the truth
-    assert list(table.columns[3:]) == ["three *", "six", "low", MEAN]
+    assert list(table.columns) == ["subset", "three *", "six", "low", "mean", MEAN, "overlap"]
     both = fitness_metrics(experiment, ("epe",))
     assert both.loc["epe", "three *"] < table.loc["epe", "three *"] == 0.125
+
+
+def test_benchmark_and_metric_change_together(experiment: Experiment) -> None:
+    six = replace(experiment.reported[0], metric="bad-0.3")
+    table = fitness_criteria(experiment, [(experiment.validation, "epe"), (six, "bad-0.3")], routing=False)
+    assert table["subset"].to_dict() == {"three epe": "one, five", "six bad-0.3": "one, ten"}
+    assert table.loc["six bad-0.3", MEAN] == pytest.approx((2.375 + 3.0) / 2), "six guided, and is no test"
+    assert table.loc["six bad-0.3", "mean"] == pytest.approx((2.375 + 0.25 + 3.0) / 3)
+    assert list(fitness_criteria(experiment, routing=False).index) == ["three epe", "six epe", "low epe"]
+    with pytest.raises(InputError, match="expected each once"):
+        fitness_criteria(experiment, [(six, "epe"), (six, "EPE")])
 
 
 def test_stage_2_closes_the_gap_that_equal_weights_leave(experiment: Experiment) -> None:

@@ -41,8 +41,10 @@ def test_rows_are_the_base_and_the_methods_and_seeds_are_one_row(found: Study) -
         *("base", "single best (validation)", "single best (oracle) †", "uniform", "Stage 1", "Stage 1+2")
     ]
     assert list(found.runs)[-4:] == [f"Stage {s}, seed {n}" for s in ("1", "1+2") for n in (0, 1)]
-    assert table["seeds ±"].notna().tolist() == [False] * 4 + [True] * 2
-    assert table.loc["Stage 1", "seeds ±"] == 0.0
+    differences = found.differences_table()
+    assert list(differences.index) == list(table.index)
+    assert differences["seeds ± (px)"].notna().tolist() == [False] * 4 + [True] * 2
+    assert differences.loc["Stage 1", "seeds ± (px)"] == 0.0
 
 
 def test_scores_and_means_are_those_of_hand(found: Study) -> None:
@@ -54,8 +56,9 @@ def test_scores_and_means_are_those_of_hand(found: Study) -> None:
     expected = [level - 3.125, level - 2.055, level - 1.255]
     assert table.loc["uniform", [guide, near, far]].tolist() == pytest.approx(expected, abs=1e-5)
     assert table.loc["Stage 1", guide] == pytest.approx(0.125)
-    mean = table["mean of unseen [px]"]
-    assert mean["base"] == pytest.approx((2.445 + 3.245) / 2, abs=1e-6)
+    assert list(table.columns[3:]) == ["mean", "mean of the unseen"]
+    assert table.loc["base", "mean of the unseen"] == pytest.approx((2.445 + 3.245) / 2, abs=1e-6)
+    assert table.loc["base", "mean"] == pytest.approx((1.375 + 2.445 + 3.245) / 3, abs=1e-6)
 
 
 def test_tests_overrule_the_network_that_validation_prefers(found: Study) -> None:
@@ -71,12 +74,12 @@ def test_tests_overrule_the_network_that_validation_prefers(found: Study) -> Non
 
 
 def test_verdicts_follow_the_intervals(found: Study) -> None:
-    table = found.table()
-    mean = table["mean of unseen [px]"]
+    table = found.differences_table()
+    mean = found.table()["mean of the unseen"]
     for name in ("base", "uniform"):
         row = table.loc[name]
-        assert row["low"] - 1e-9 <= row.iloc[5] <= row["high"] + 1e-9
-        assert row.iloc[5] == pytest.approx(mean[name] - mean["Stage 1+2"])
+        assert row["low (px)"] - 1e-9 <= row["to Stage 1+2 (px)"] <= row["high (px)"] + 1e-9
+        assert row["to Stage 1+2 (px)"] == pytest.approx(mean[name] - mean["Stage 1+2"])
         assert row["verdict"] == "worse"  # all images of a benchmark move alike
     assert table.loc["Stage 1+2", "verdict"] == "the reference"
 
@@ -112,7 +115,7 @@ def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experime
     assert [one.benchmark for one in edited.unseen] == ["far"]
     table = edited.table()
     assert [name.split()[0] for name in table.columns if name.endswith("*")] == ["guide", "near"]
-    assert table.loc["uniform", "mean of unseen [px]"] == pytest.approx((1 + 5 + 10) / 3 - 1.255, abs=1e-5)
+    assert table.loc["uniform", "mean of the unseen"] == pytest.approx((1 + 5 + 10) / 3 - 1.255, abs=1e-5)
     said = summary(edited)
     assert "on guide (6 pairs), chosen among 2 networks there" in said[0]
     assert said[2].startswith("Warning: near: 1 recipe edited by hand was scored on 12 of its pairs")
@@ -125,9 +128,9 @@ def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None
     assert costs.loc["uniform", ["evaluations", "image passes"]].tolist() == [1, 6]
     assert costs.loc["Stage 1", "evaluations"] == 4  # all subsets of two or more
     sources = found.sources_table()
-    assert list(sources.index) == ["base", *LEVELS]
-    assert sources.loc["five", "guide *"] == pytest.approx(1.875)
-    assert sources.loc["five", "mean of the unseen"] == pytest.approx((2.945 + 3.745) / 2, abs=1e-6)
+    assert list(sources.columns) == ["base", *LEVELS, "uniform"]
+    assert sources.loc["guide (all-valid) epe [px] *", "five"] == pytest.approx(1.875)
+    assert sources.loc["mean of the unseen", "five"] == pytest.approx((2.945 + 3.745) / 2, abs=1e-6)
     scores = found.scores()
     assert scores.query("benchmark == 'near' and network == 'base'")["score"].item() == pytest.approx(2.445)
 

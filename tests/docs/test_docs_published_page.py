@@ -20,10 +20,12 @@ def test_exactly_the_known_disagreements_are_found() -> None:
         "FoundationStereo, its own search guided by ETH3D: one experiment, different scores",
         "NMRF guided by Middlebury: one experiment, different scores",
         "FoundationStereo base (SceneFlow): one experiment, different scores",
+        "The text says: the best sources remain near 2.0 on ETH3D (FoundationStereo)",
         "The text says: FoundationStereo's KITTI 2012 errors range from 2.13",
     ]
     assert [line.rpartition("(mean ")[2] for line in found[list(found)[1]]] == ["3.21)", "3.31)"]
-    quoted = found[list(found)[3]]
+    assert found[list(found)[3]][0] == "tab:individual_datasets gives 1.61"
+    quoted = found[list(found)[4]]
     assert quoted[0] == "tab:individual_datasets gives 3.21"
     assert "FoundationStereo eth3d, SceneFlow" in quoted[1]
 

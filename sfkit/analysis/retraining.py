@@ -1,0 +1,101 @@
+"""Retraining on the union of all data against merging what is there: the paper's motivation (figure 1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from sfkit.analysis.labels import points
+from sfkit.analysis.measured import Measured
+from sfkit.analysis.paired import common_unit
+from sfkit.errors import InputError, unknown_name
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way to one network for all domains.
+
+    Attributes:
+        name: such as ``joint retraining``.
+        score: mean over the benchmarks, lower is better.
+        seconds: what it takes when data of a new source come in and all else is there; NaN where not known.
+        joint: True for the network that was trained on the union of all data.
+    """
+
+    name: str
+    score: float
+    seconds: float
+    joint: bool = False
+
+
+@dataclass(frozen=True)
+class Retraining:
+    """Ways to one network beside joint retraining.
+
+    Attributes:
+        ways: joint retraining first.
+        benchmarks: what the scores are means over.
+        unit: of the scores.
+    """
+
+    ways: tuple[Way, ...]
+    benchmarks: tuple[str, ...]
+    unit: str
+
+    def table(self) -> pd.DataFrame:
+        """A row a way: its mean, how it differs from joint retraining, its seconds and their share."""
+        joint = self.ways[0]
+        rows = [
+            {
+                "way": way.name,
+                f"mean ({self.unit})": way.score,
+                f"to joint retraining ({points(self.unit)})": way.score - joint.score,
+                "seconds": way.seconds,
+                "of joint retraining (%)": 100.0 * way.seconds / joint.seconds,
+            }
+            for way in self.ways
+        ]
+        return pd.DataFrame(rows).set_index("way")
+
+
+def retraining_against_merging(
+    measured: Sequence[Measured],
+    joint: str,
+    seconds: Mapping[str, float],
+    *,
+    others: Sequence[str] = (),
+) -> Retraining:
+    """A network trained on all data at once beside networks that were merged.
+
+    Args:
+        measured: benchmarks that guided nothing, with all these networks.
+        joint: the network that was trained on the union of the sources' data.
+        seconds: network -> what it takes once a new source's data are there: for ``joint`` the whole
+            training, for a merge the new source's fine-tuning and the search; on one kind of machine.
+        others: the merged networks; all of ``seconds`` but ``joint`` unless given.
+
+    Raises:
+        InputError: no benchmark, a network that was not measured, no positive time of ``joint``, or metrics
+            of different units.
+    """
+    if not measured:
+        raise InputError("retraining: found no benchmark, expected at least one that guided nothing")
+    names = (joint, *(others or [name for name in seconds if name != joint]))
+    for name in names:
+        if name not in measured[0].networks:
+            raise unknown_name("measured network", name, measured[0].networks)
+    if not seconds.get(joint, 0.0) > 0.0:
+        raise InputError(f"retraining: found no positive seconds of {joint!r}, expected its training's")
+    ways = tuple(
+        Way(
+            name,
+            math.fsum(one.score(name) for one in measured) / len(measured),
+            seconds.get(name, math.nan),
+            name == joint,
+        )
+        for name in names
+    )
+    return Retraining(ways, tuple(one.benchmark for one in measured), common_unit(measured, None))
