@@ -63,4 +63,6 @@ def with_references(
         names = (one.label, marked(one.benchmark, one.validation), one.benchmark)
         heads[one.benchmark] = next(name for name in names if name in table.columns)
     joined = pd.concat([table, rows.rename(columns=heads)])
-    return joined[[*table.columns]].rename_axis(table.index.name)
+    own: pd.DataFrame = joined[[*table.columns]]
+    own.index.name = table.index.name
+    return own

@@ -43,14 +43,14 @@ def teaser_figure(record: Retraining, *, theme: str = "auto", height: int = 420)
         )
     figure.update_xaxes(type="log", title_text="time once the new data are there (minutes, log)")
     figure.update_yaxes(title_text=f"mean error ({record.unit})")
-    joint, *merged = record.ways
-    best = min(merged, key=lambda way: way.score, default=joint)
-    share = 100.0 * best.seconds / joint.seconds
+    trained, *merged = record.ways
+    best = min(merged, key=lambda way: way.score, default=trained)
+    share = 100.0 * best.seconds / trained.seconds
     return finish(
         figure,
         theme=theme,
         title="Retrain on everything, or merge?",
-        subtitle=f"{escape(best.name)} {best.score - joint.score:+.2f} against {escape(joint.name)}, "
+        subtitle=f"{escape(best.name)} {best.score - trained.score:+.2f} against {escape(trained.name)}, "
         f"in {share:.1f} % of its time; mean over {escape(', '.join(record.benchmarks))}",
         height=height,
     )
