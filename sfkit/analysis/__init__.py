@@ -48,6 +48,7 @@ from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
 from sfkit.analysis.retraining import Retraining, retraining_against_merging
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
+from sfkit.analysis.search_verdict import SearchVerdict, judges, search_verdict
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.similarity import DataSimilarity, data_similarity, similarity_recipes
 from sfkit.analysis.study import Study, study
@@ -92,6 +93,7 @@ __all__ = [
     "Retraining",
     "RoutingTrace",
     "ScoreGrid",
+    "SearchVerdict",
     "SelectionStatistics",
     "ShownTable",
     "Spread",
@@ -124,6 +126,7 @@ __all__ = [
     "holdout_sentence",
     "interpolated",
     "interpolation_curves",
+    "judges",
     "latex_table",
     "learning_curve",
     "markdown_table",
@@ -152,6 +155,7 @@ __all__ = [
     "run_trials",
     "score_grid",
     "score_rows",
+    "search_verdict",
     "seed_spread",
     "selection_across",
     "selection_statistics",

@@ -9,12 +9,17 @@ from dataclasses import dataclass, replace
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.verdict import Verdict, verdict
+from sfkit.datasets.benchmark_record import Benchmark
+from sfkit.datasets.metric import Metric
+from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
 BASE, UNIFORM = "base", "uniform"
+PERCENT = "bad-1.0"
+"""What tests in pixels are measured by where a guide without ground truth is in percent."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +156,37 @@ def missing(pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator],
     return Missing(
         sum(count for _, count in counts), sum(count * len(one.benchmark) for one, count in counts)
     )
+
+
+def judges(
+    scorer: Evaluator | CombinedScorer, benchmarks: Sequence[Benchmark]
+) -> tuple[list[Evaluator], list[Evaluator]]:
+    """Evaluators for :func:`search_verdict`: of what guides, and of tests with the same store and compute.
+
+    Args:
+        scorer: what guides a search.
+        benchmarks: the tests; see :func:`under_one_unit` for the metrics.
+    """
+    guides = list(scorer.evaluators) if isinstance(scorer, CombinedScorer) else [scorer]
+    known = [guide for guide in guides if isinstance(guide, Evaluator)]
+    metrics = [str(guide.metric) for guide in known]
+    pool, store, compute = known[0].pool, known[0].store, known[0].compute
+    tests = under_one_unit(metrics, benchmarks)
+    return known, [Evaluator(pool, test, store=store, compute=compute) for test in tests]
+
+
+def under_one_unit(guides: Sequence[str], tests: Sequence[Benchmark]) -> list[Benchmark]:
+    """Tests under their own metrics where these have the guides' unit, else under the guides' metric.
+
+    Args:
+        guides: the metrics that guide; one that needs no ground truth is percent, and ``bad-1.0`` its like.
+        tests: the benchmarks.
+    """
+    guide = Metric.parse(next((name for name in guides if Metric.parse(name).needs_truth), PERCENT))
+    return [
+        one if Metric.parse(one.metric).unit == guide.unit else one.measured_by(metric=guide.name)
+        for one in tests
+    ]
 
 
 def _judging(guides: Sequence[Evaluator]) -> list[Evaluator]:

@@ -20,14 +20,14 @@ import pandas as pd
 import torch
 
 from sfkit import bank
-from sfkit.analysis import contenders
+from sfkit.analysis import SearchVerdict, contenders, judges, search_verdict
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
 from sfkit.evaluation.compute import HERE, PARAMETERS, Compute
 from sfkit.evaluation.engines.spawned import SAFE_PATH
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import Plan, search_pool
+from sfkit.search.pipeline import Plan, search_pool, write_result
 from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.run_folder import run_folder
 
@@ -69,6 +69,7 @@ class Demo:
         merged: the merged network.
         report: the report; None where it was left out.
         scores: the table as CSV.
+        verdict: what to deploy, beside base, the best single source and uniform.
     """
 
     table: pd.DataFrame
@@ -79,6 +80,7 @@ class Demo:
     merged: Path
     report: Path | None
     scores: Path
+    verdict: SearchVerdict
 
 
 def demo(
@@ -137,10 +139,14 @@ def demo(
         progress("Test", len(benchmarks), len(benchmarks), "")
         table = pivot(pd.concat(parts, ignore_index=True))
         scores = write_table(table, out / "scores.csv")
+        judged = search_verdict(
+            pool, found.stages, *judges(scorer, benchmarks[1:]), evaluations=found.evaluations
+        )  # all of it is in the store by now
+        write_result(pool, found, {"verdict": judged.as_dict()})
         fresh = [len(evaluation.images) for evaluation in store if evaluation.key not in held]
     page = _report(out, seed, budget, compute, progress) if with_report else None
     seconds = time.perf_counter() - started
-    return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores)
+    return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores, judged)
 
 
 def _unseen() -> tuple[str, ...]:

@@ -39,6 +39,7 @@ def demo(
     with Bars() as bars:
         found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=bars, force=force)
     document = {
+        "verdict": found.verdict.as_dict(),
         "table": found.table.to_dict(orient="index"),
         "subset": found.subset,
         "evaluations": found.evaluations,
@@ -83,6 +84,8 @@ def _text(found: Demo) -> str:
     table = found.table.to_string(float_format=lambda value: f"{value:.2f}")
     return "\n".join(
         [
+            "",
+            found.verdict.verdict.sentence,
             "",
             table,
             "",

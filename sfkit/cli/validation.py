@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from sfkit.evaluation import CombinedScorer, Compute, Evaluator
     from sfkit.merging import Pool
 
-PERCENT = "bad-1.0"  # of tests in pixels where the guide, without ground truth, is in percent
-
 
 def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
     """The validation benchmarks, their files found and not yet read.
@@ -39,15 +37,10 @@ def tests_of(texts: Sequence[str] | None, guides: Sequence[Benchmark]) -> tuple[
     Raises:
         InputError: one cannot be understood, or shares a pair with what guides.
     """
-    from sfkit.datasets.metric import Metric
+    from sfkit.analysis.search_verdict import under_one_unit
     from sfkit.evaluation.separation import check_separation
 
-    guide = Metric.parse(next((g.metric for g in guides if Metric.parse(g.metric).needs_truth), PERCENT))
-    tests = []
-    for text in texts or ():
-        test = _named("--test", text, None)
-        alike = Metric.parse(test.metric).unit == guide.unit
-        tests.append(test if alike else test.measured_by(metric=guide.name))
+    tests = under_one_unit([one.metric for one in guides], [_named("--test", t, None) for t in texts or ()])
     found = _distinct([*guides, *tests])[len(guides) :]
     check_separation(guides, found)
     return found

@@ -308,9 +308,13 @@ def _search(
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
     ensure_as_scored(pool, best.recipe, scorer, merged)
     found = Found(best.recipe, best.score, first, second, merged, folder, stage2, stages, spent)
-    judged = {} if judge is None else judge(found)
-    write_text(folder / "result.json", json.dumps({**summary(pool, found), **judged}, indent=2))
+    write_result(pool, found, {} if judge is None else judge(found))
     return found
+
+
+def write_result(pool: Pool, found: Found, judged: Mapping[str, Any]) -> Path:
+    """Write ``result.json``: the summary, and what was judged of it."""
+    return write_text(found.folder / "result.json", json.dumps({**summary(pool, found), **judged}, indent=2))
 
 
 def summary(pool: Pool, found: Found) -> dict[str, Any]:

@@ -110,6 +110,8 @@ def test_the_report_says_what_guided_the_search(finished: Finished) -> None:
     assert "'anynet', " in printed
     assert "'tiny'" in printed
     assert "No validation pair was held out" in printed
+    assert "Deploy Stage 1+2: " in printed
+    assert "So few pairs cannot tell it from best single (kitti2015), which is simpler" in printed
 
 
 def test_a_test_on_validation_pairs_needs_an_explicit_word(real_data: Path, tmp_path: Path) -> None:
