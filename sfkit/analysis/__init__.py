@@ -62,6 +62,7 @@ from sfkit.analysis.tables import (
     source_table,
     styled,
 )
+from sfkit.analysis.training_curves import TrainingCurve, training_curve
 from sfkit.analysis.trust import Trust, trust, trust_of
 from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
 from sfkit.analysis.worth import compare_methods, method_costs, worth
@@ -101,6 +102,7 @@ __all__ = [
     "Study",
     "Support",
     "TaskVectorGeometry",
+    "TrainingCurve",
     "Trial",
     "Trust",
     "Verdict",
@@ -172,6 +174,7 @@ __all__ = [
     "summary",
     "task_vector_geometry",
     "textureless_mask",
+    "training_curve",
     "trust",
     "trust_of",
     "validation_sets",

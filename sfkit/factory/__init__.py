@@ -1,5 +1,6 @@
 """From data sets to sources to one network, in one file: what is missing or stale is made, nothing else."""
 
+from sfkit.factory.example import write_example
 from sfkit.factory.file import Factory, read_factory
 from sfkit.factory.report import report_values
 from sfkit.factory.run import Cost, Made, run
@@ -18,4 +19,5 @@ __all__ = [
     "status",
     "train_missing",
     "train_one",
+    "write_example",
 ]

@@ -23,6 +23,7 @@ from sfkit.figures.scores import scores_figure
 from sfkit.figures.selection import rivals_figure, selection_figure
 from sfkit.figures.similarity import similarity_figure
 from sfkit.figures.theme import Theme, template
+from sfkit.figures.training_curves import training_figure
 
 __all__ = [
     "Theme",
@@ -50,4 +51,5 @@ __all__ = [
     "similarity_figure",
     "teaser_figure",
     "template",
+    "training_figure",
 ]

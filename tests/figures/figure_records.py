@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import plotly.graph_objects as go
@@ -20,6 +21,7 @@ from sfkit.analysis import (
     RegionScores,
     SelectionStatistics,
     TaskVectorGeometry,
+    TrainingCurve,
     compare_networks,
     selection_statistics,
 )
@@ -247,6 +249,16 @@ def rankings() -> tuple[Ranking, ...]:
     )
 
 
+def trainings() -> tuple[TrainingCurve, ...]:
+    """One that was scored on the way, and one that was not."""
+    steps = np.arange(1.0, 5.0)
+    losses = np.array([4.0, 2.0, 1.0, 1.0])
+    curve = TrainingCurve(
+        "a<b", steps, losses, np.array([4.0, 3.0, 7 / 3, 2.0]), steps * 1e-4, {2: 30.0, 4: 20.0}
+    )
+    return curve, replace(curve, name="c", scores={})
+
+
 FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "population": lambda theme: figures.population_figure(population(), theme=theme),
     "evolution": lambda theme: figures.evolution_figure(evolved(), theme=theme),
@@ -254,6 +266,7 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "comparison": lambda theme: figures.comparison_figure(comparison(), theme=theme),
     "comparison by benchmark": lambda theme: figures.benchmark_comparison_figure(compared(), theme=theme),
     "interpolation": lambda theme: figures.interpolation_figure(curves(), theme=theme),
+    "training": lambda theme: figures.training_figure(trainings(), theme=theme),
     "geometry": lambda theme: figures.geometry_figure(geometry(), theme=theme),
     "probes": lambda theme: figures.probes_figure(probes(), theme=theme),
     "selection": lambda theme: figures.selection_figure(selection(), theme=theme),

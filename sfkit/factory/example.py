@@ -1,0 +1,61 @@
+"""A factory on the synthetic worlds that come with sfkit: nothing to download, everything to see."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sfkit import bank
+from sfkit.checkpoints.spec import read_pool_spec
+from sfkit.files import write_text
+
+TESTS = ("grey-workshop", "hazy-road")
+
+
+def write_example(
+    file: str | Path,
+    domains: Sequence[str],
+    *,
+    pairs: int = 40,
+    training: Mapping[str, Any] | None = None,
+    validation_pairs: int = 8,
+    search: Mapping[str, Any] | None = None,
+    joint: bool = False,
+) -> Path:
+    """Write a ``factory.toml`` that fine-tunes the embedded bank's base on some of its domains.
+
+    Args:
+        file: what to write; a file that is there is replaced.
+        domains: names of :func:`sfkit.bank.domains`, a source each.
+        pairs: of each domain.
+        training: entries of the file's ``[training]``.
+        validation_pairs: of the bank's validation world, and of each world to test on.
+        search: entries of its ``[search]``.
+        joint: whether one network on all domains together is made too.
+    """
+    spec = read_pool_spec(bank.pool_path())
+    worlds = [f'name = "bank:{name}"\npairs = {validation_pairs}' for name in (bank.VALIDATION, *TESTS)]
+    sections = [
+        f"name = {_value('factory')}\narchitecture = {_value(spec.architecture)}\n"
+        f"base = {_value(str(spec.base.path))}\njoint = {_value(joint)}",
+        _section("options", spec.options),
+        _section("training", training or {}),
+        *(_section(f"sources.{name}", {"data": f"bank:{name}", "pairs": pairs}) for name in domains),
+        f"[validation]\n{worlds[0]}",
+        *(f"[[tests]]\n{world}" for world in worlds[1:]),
+        _section("search", search or {}),
+    ]
+    return write_text(Path(file), "\n\n".join(filter(None, sections)) + "\n")
+
+
+def _section(name: str, values: Mapping[str, Any]) -> str:
+    lines = [f"{key} = {_value(value)}" for key, value in values.items()]
+    return "\n".join([f"[{name}]", *lines]) if lines else ""
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {_value(entry)}" for key, entry in value.items()) + " }"
+    return json.dumps(value)  # strings, numbers, booleans and lists are written alike in TOML
