@@ -39,7 +39,7 @@ def test_every_network_is_made_scored_and_priced(folder: Path) -> None:
     assert scores.loc["base", "courtyard"] == pytest.approx(BASE, abs=0.01)
     assert scores.loc["merged", "courtyard"] <= scores.loc["uniform", "courtyard"]
     costs = pd.read_csv(folder / "tables" / "costs.csv", index_col="part")
-    assert costs["passes"].to_dict() == {"haze": 2, "far-scene": 2, "joint": 4, "search": 6}
+    assert costs["passes"].to_dict() == {"haze": 2, "far-scene": 2, "joint": 4, "search": 5}
     assert (costs["seconds"] > 0).all()
 
 
