@@ -61,7 +61,7 @@ ENTRIES = {
         grouped=True,
     ),
     "search": Entry(
-        "Search Stage 1 (which sources) and Stage 2 (how), and write the merged network.",
+        "Search Stage 1 (which sources) and Stage 2 (how), write the merged network, and say what to deploy.",
         "search",
         grouped=True,
     ),
@@ -91,6 +91,10 @@ ENTRIES = {
     "show": Entry("Print what a file is and how it was made.", "show"),
     "report": Entry(
         "Run a notebook from top to bottom and write it as one HTML file that needs no network.", "report"
+    ),
+    "open": Entry(
+        "Copy a notebook that comes with sfkit and open it in JupyterLab; a copy that is there is kept.",
+        "open_notebook",
     ),
     "data": Entry("Look at data sets."),
     "factory": Entry("From data sets to sources to one network."),

@@ -65,5 +65,19 @@ def merge(
     origin = read_origin(written)
     licences = origin.licences if origin else {}
     document = {"file": written, "recipe": chosen.as_dict(), "licences": licences}
-    lines = [f"wrote {written}", *(f"  {name}: {licence}" for name, licence in licences.items())]
+    note = [] if weights is None else weight_note(sum(chosen.weights[0]))
+    if note:
+        document["note"] = note[0]
+    lines = [f"wrote {written}", *note, *(f"  {name}: {licence}" for name, licence in licences.items())]
     emit(document, "\n".join(lines), as_json=json)
+
+
+def weight_note(total: float) -> list[str]:
+    """What weights that do not sum to 1 mean: base + total * the weighted mean of task vectors."""
+    if abs(total - 1.0) < 1e-6:
+        return []
+    kind = "short of" if total < 1 else "beyond"
+    return [
+        f"  the weights sum to {total:g}, not to 1: the network lies {total:g} times as far from the base "
+        f"as the weighted mean of its sources, {kind} it; running statistics are never carried beyond"
+    ]

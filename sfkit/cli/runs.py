@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sfkit.cli.groups import WholeHelp
-from sfkit.cli.options import JsonOption, emit
+from sfkit.cli.options import ForceOption, JsonOption, emit
+from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,11 +36,46 @@ def list_runs(
     Example:
       sfkit runs list runs
     """
+    from sfkit.analysis.run_overview import recorded_metrics
+    from sfkit.cli import tables
     from sfkit.search.runs import find_runs, run_table
 
-    table = run_table(find_runs(root))
-    text = f"{root}: no search has left a journal here" if table.empty else table.to_string(index=False)
-    emit({"root": root, "runs": table.to_dict(orient="records")}, text, as_json=json)
+    runs = find_runs(root)
+    metrics = {str(run.folder): recorded_metrics(run.folder) for run in runs}
+    records = run_table(runs).to_dict(orient="records")
+    rows = [{**record, "metric": metrics[record["run"]]} for record in records]
+    heads = ("run", "stage", "state", "metric", "best", "evaluations", "cached", "seconds")
+    values = [[row[head] for head in heads] for row in rows]
+    text = "\n".join(tables.lines(heads, values, digits={"best": 4, "seconds": 1}))
+    text = text if rows else f"{root}: no search has left a journal here"
+    emit({"root": root, "runs": rows}, text, as_json=json)
+
+
+@app.command("page")
+def page(
+    root: Annotated[Path, typer.Argument(help="Where to look.")] = Path("runs"),
+    out: Annotated[Path, typer.Option("--out", "-o", help="The HTML file to write.")] = Path("runs.html"),
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> None:
+    """Write all searches as one offline page: a sortable table, and what each owes to which source.
+
+    \b
+    Example:
+      sfkit runs page runs -o runs.html
+    """
+    from sfkit.analysis.run_overview import recorded_metrics, run_overview
+    from sfkit.figures.run_page import run_page
+    from sfkit.files import write_text
+    from sfkit.search.runs import find_runs
+
+    Places().file("--out", out, ".html", force=force)
+    runs = find_runs(root)
+    if not runs:
+        raise InputError(f"{root}: no search has left a journal here, expected the folders of searches in it")
+    metrics = {str(run.folder): recorded_metrics(run.folder) or "" for run in runs}
+    write_text(out, run_page([run_overview(run) for run in runs], metrics, f"Searches in {root}"))
+    emit({"page": out, "runs": len(runs)}, f"wrote {out}", as_json=json)
 
 
 @app.command("show")
@@ -78,11 +114,15 @@ def diff(first: Folder, second: Folder, json: JsonOption = False) -> None:
     Example:
       sfkit runs diff runs/garage runs/garage-2
     """
+    from sfkit.cli import tables
     from sfkit.search.runs import compare_runs, read_run
 
     table = compare_runs(read_run(first), read_run(second))
     rows = table.reset_index().to_dict(orient="records")
-    emit({"differences": rows}, table.to_string(), as_json=json)
+    heads = [str(head) for head in table.reset_index().columns]
+    values = [[_short(row[head]) for head in heads] for row in rows]
+    text = "\n".join(tables.lines(heads, values, digits={}))
+    emit({"differences": rows}, text, as_json=json)
 
 
 @app.command("export")
@@ -122,6 +162,16 @@ def import_(
     with _existing(source) as opened, EvaluationStore(into) as target:
         copied, held = import_evaluations(opened, target)
     emit({"copied": copied, "already_there": held}, f"copied {copied}, {held} were there", as_json=json)
+
+
+def _short(text: str | bool) -> str:
+    """A number's text with as many digits as one reads."""
+    if isinstance(text, bool):
+        return "yes" if text else "no"
+    try:
+        return f"{float(text):.6g}"
+    except ValueError:
+        return text
 
 
 def _existing(path: Path) -> EvaluationStore:

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
     from sfkit.search.records import Generation
 
 
+LONG = 10.0  # minutes; shorter searches start without a question
+
+
 def search(
     pool: PoolArgument,
     data: BenchmarkOptions,
@@ -71,7 +74,7 @@ def search(
         typer.Option("--test", help="Test on NAME,root=FOLDER,..., which guides nothing; may be repeated."),
     ] = None,
     store: StoreOption = None,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before a long search.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Start long searches without a question.")] = False,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -133,7 +136,8 @@ def search(
         say(f"verdict: {missing(opened, evaluators, judges, stages=1 if plan.stage2 is None else 2)}")
         if other := _other_cost(plan, price, opened):
             say(other)
-        if sys.stdin.isatty() and not yes and not typer.confirm("Start?", default=True, err=True):
+        long = price.minutes > LONG and sys.stdin.isatty() and not yes
+        if long and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
         judge = Judge(opened, evaluators, judges)
         found = search_pool(opened, scorer, plan, folder, progress=_progress, judge=judge)

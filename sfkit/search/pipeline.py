@@ -73,8 +73,11 @@ class Plan:
         return "bayesian" if isinstance(self.stage1, models) or isinstance(self.stage2, models) else "paper"
 
     def evaluations(self, pool: Pool) -> int:
-        """The most evaluations both stages can ask for."""
-        first = 0 if self.subset is not None else self.subset_search(pool, _nobody).most
+        """The most evaluations both stages can ask for; no subset is scored twice."""
+        first = 0
+        if self.subset is None:
+            search = self.subset_search(pool, _nobody)
+            first = min(search.most, search.space.subsets)
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
     def by(self, method: str, batch: int = 1) -> Plan:

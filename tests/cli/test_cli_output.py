@@ -221,7 +221,7 @@ def test_search(shell: Shell, world: Path) -> None:
     assert verdict["networks"]["Stage 1+2"]["validation"] == pytest.approx(document["score"])
     text, progress = shell(line)
     assert text.startswith(verdict["sentence"])
-    assert "cost: at most 14 evaluations of 2 pairs" in progress
+    assert "cost: at most 10 evaluations of 2 pairs" in progress, "4 subsets exist of 3 sources, and 6"
     assert "verdict: at most 0 evaluations more, 0 image pairs" in progress, "all are in the store by now"
     assert "few pairs: what Stage 2 gains on 2 need not show elsewhere" in progress
     assert f"best epe: {document['score']:.4f} px" in text

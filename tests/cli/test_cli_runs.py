@@ -35,6 +35,15 @@ def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:
     fresh = sum(row["evaluations"] - row["cached"] for row in rows[2:])
     assert fresh + 1 == found[0]["evaluations"]["computed"], "one told before what the search would cost"
 
+    assert {row["metric"] for row in rows} == {"epe [px]"}
+    text, _ = shell("runs list runs")
+    assert max(map(len, text.splitlines())) <= 80
+    assert f"{rows[0]['best']:.4f}" in text.splitlines()[1]
+    text, _ = shell("runs diff runs/0 runs/1")
+    assert max(map(len, text.splitlines())) <= 80
+    assert shell.json("runs page runs -o runs.html")["runs"] == 2
+    assert "runs/0" in Path("runs.html").read_text(encoding="utf-8")
+
     text, _ = shell("runs show runs/0")
     (line,) = (line for line in text.splitlines() if line.startswith("Stage 2: finished"))
     assert f"best {found[0]['score']:.4f} (" in line

@@ -1,0 +1,122 @@
+"""All searches of a folder at a glance: how fast each got where it got, and what it owes to which source."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sfkit.datasets.metric import Metric
+from sfkit.errors import InputError
+from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
+from sfkit.search.run_folder import SEARCH
+from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun
+
+
+@dataclass(frozen=True)
+class Route:
+    """One candidate of Stage 2.
+
+    Attributes:
+        number: of the evaluation, from 0.
+        score: in the metric's unit.
+        weights: source -> its weight, the mean over blocks.
+        scales: block -> the scale of its module.
+    """
+
+    number: int
+    score: float
+    weights: Mapping[str, float]
+    scales: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class StageOverview:
+    """One stage of one search.
+
+    Attributes:
+        run: what the run table says of it.
+        best_so_far: the best score after each candidate, by number; infinite before the first finite one.
+        importance: Stage 1: source -> how much the best score rises among the subsets without it, in the
+            metric's unit; infinite where every subset that was scored has it. Empty for Stage 2.
+        routes: Stage 2: the candidates with a finite score. Empty for Stage 1.
+    """
+
+    run: StageRun
+    best_so_far: tuple[float, ...]
+    importance: Mapping[str, float]
+    routes: tuple[Route, ...]
+
+
+@dataclass(frozen=True)
+class RunOverview:
+    """One search: its folder, and the stages that have begun."""
+
+    folder: Path
+    stages: tuple[StageOverview, ...]
+
+
+def run_overview(run: Run) -> RunOverview:
+    """What one search's journal tells.
+
+    Raises:
+        InputError: its journal is damaged.
+    """
+    records = read_journal(run.folder / JOURNAL)
+    found = {STAGES[kind]: JournalledSearch.find(records, kind) for kind in STAGES}
+    return RunOverview(run.folder, tuple(_stage(stage, found[stage.stage]) for stage in run.stages))
+
+
+def _stage(run: StageRun, found: JournalledSearch | None) -> StageOverview:
+    candidates = found.candidates if found is not None else ()
+    scores = [journalled_score(candidate) for candidate in candidates]
+    best_so_far = tuple(min(scores[: number + 1]) for number in range(len(scores)))
+    if found is None or found.kind == "routing":
+        return StageOverview(run, best_so_far, {}, _routes(found, candidates) if found is not None else ())
+    return StageOverview(run, best_so_far, source_importance(found.sources, candidates), ())
+
+
+def recorded_metrics(path: Path) -> str | None:
+    """The metrics that guided the search of a folder, with their units; None where it does not say them.
+
+    Raises:
+        InputError: what says so cannot be read.
+    """
+    record = path / SEARCH
+    if not record.is_file():
+        return None
+    try:
+        names = json.loads(record.read_text(encoding="utf-8"))["metrics"]
+        return ", ".join(f"{name} [{Metric.parse(name).unit}]" for name in names) or None
+    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{record}: cannot be read ({error!r}), expected which search this is") from error
+
+
+def source_importance(sources: Sequence[str], candidates: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Source -> the best score among subsets without it minus the best of all; 0 for one the best can miss.
+
+    It says what the archive knows, no more: a subset that was never scored may do better.
+    """
+    scored = [(set(entry["subset"]), journalled_score(entry)) for entry in candidates]
+    best = min((score for _, score in scored), default=math.inf)
+    if math.isinf(best):
+        return {}
+    return {
+        source: min((score for subset, score in scored if source not in subset), default=math.inf) - best
+        for source in sources
+    }
+
+
+def _routes(found: JournalledSearch, candidates: Sequence[Mapping[str, Any]]) -> tuple[Route, ...]:
+    routes = []
+    for entry in candidates:
+        score, weights = journalled_score(entry), entry["weights"]
+        if math.isfinite(score):
+            mean = [sum(row[e] for row in weights) / len(weights) for e in range(len(found.sources))]
+            scales = dict(zip(found.blocks, entry["scales"], strict=True))
+            named = dict(zip(found.sources, mean, strict=True))
+            routes.append(Route(int(entry["candidate"]), score, named, scales))
+    return tuple(routes)
