@@ -51,7 +51,8 @@ from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
 from sfkit.analysis.search_verdict import SearchVerdict, judges, search_verdict
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.similarity import DataSimilarity, data_similarity, similarity_recipes
-from sfkit.analysis.study import Study, study
+from sfkit.analysis.study import Study
+from sfkit.analysis.studying import study
 from sfkit.analysis.summary import summary
 from sfkit.analysis.tables import (
     export_table,

@@ -97,13 +97,15 @@ class MethodCost:
         method: its name.
         evaluations: distinct recipes it had scored.
         image_passes: forward passes over one pair each.
-        seconds: their time, that of evaluations from the store as it was when they were computed.
+        seconds: their wall time, that of evaluations from the store as it was when they were computed.
+        runs: how many runs, such as from several seeds, these are the sums of.
     """
 
     method: str
     evaluations: int
     image_passes: int
     seconds: float
+    runs: int = 1
 
 
 def method_cost(method: str, counts: Counts | Sequence[Counts], images: int) -> MethodCost:
@@ -133,8 +135,8 @@ def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -
 
     Args:
         costs: from :func:`method_cost`.
-        training: source -> seconds its fine-tuning took, such as ``sfkit.bank.training_seconds()``; on the
-            same kind of machine as the methods' seconds, or the overhead means nothing.
+        training: source -> wall seconds its fine-tuning took, such as ``sfkit.bank.training_seconds()``; on
+            the same kind of machine as the methods' wall seconds, or the overhead means nothing.
 
     Raises:
         InputError: no training, or one without a positive time.
@@ -144,16 +146,16 @@ def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -
             f"cost: found the trainings {dict(training)}, expected positive seconds for each source"
         )
     total = math.fsum(training.values())
-    rows = [{"method": "fine-tuning the sources", "seconds": total}] + [
+    rows = [{"method": "fine-tuning the sources", "wall seconds": total}] + [
         {
             "method": cost.method,
             "evaluations": cost.evaluations,
             "image passes": cost.image_passes,
-            "seconds": cost.seconds,
+            "wall seconds": cost.seconds,
             "overhead [%]": 100.0 * cost.seconds / total,
         }
         for cost in costs
     ]
-    columns = ["method", "evaluations", "image passes", "seconds", "overhead [%]"]
+    columns = ["method", "evaluations", "image passes", "wall seconds", "overhead [%]"]
     table = pd.DataFrame(rows, columns=columns).set_index("method")
     return table.astype({"evaluations": "Int64", "image passes": "Int64"})

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import pandas as pd
 
-from sfkit.analysis.comparisons import NetworkComparison, compare_networks
+from sfkit.analysis.comparisons import NetworkComparison
 from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.headed import MEAN, UNSEEN, with_means
@@ -18,18 +17,14 @@ from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
+from sfkit.analysis.study_runs import costs_of
 from sfkit.analysis.tables import source_table
-from sfkit.analysis.verdict import Verdict, verdict
-from sfkit.analysis.worth import method_costs
-from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
+from sfkit.analysis.verdict import Verdict
+from sfkit.baselines import BaselineResult, BaselineRun
 from sfkit.editing import SeenByHand
-from sfkit.errors import InputError
-from sfkit.evaluation.evaluator import Evaluator
-from sfkit.merging.pool import Pool
-from sfkit.merging.recipe import Recipe
 
-SEEDED = ("stage1", "stage1_2")
-"""Methods that are run once a seed."""
+STAGES = ("stage1", "stage1_2")
+"""The two stages, whose networks figures and probes look into."""
 BASE, UNIFORM = "base", "uniform"
 ORACLE = "†"
 """Stands behind a row that chose by the benchmarks of the report."""
@@ -88,7 +83,7 @@ class Study:
     @property
     def seed(self) -> int:
         """The seed of :attr:`pictured`; of the best run of the two stages where its method has none."""
-        seeded = [name for name, one in self.runs.items() if one.name in SEEDED]
+        seeded = [name for name, one in self.runs.items() if one.name in STAGES]
         of = {name: self.seeds[place % len(self.seeds)] for place, name in enumerate(seeded)}
         best = min(seeded, key=lambda name: self.runs[name].score, default="")
         return of.get(self.pictured, of.get(best, self.seeds[0]))
@@ -115,7 +110,7 @@ class Study:
 
     def selection(self) -> SelectionStatistics:
         """Which sources the seeds of the two stages chose, and with what weight."""
-        kept = {name: result for name, result in self.runs.items() if result.name in SEEDED}
+        kept = {name: result for name, result in self.runs.items() if result.name in STAGES}
         return selection_statistics(
             {name: result.recipe for name, result in kept.items()},
             self.experiment.pool.names,
@@ -194,25 +189,31 @@ class Study:
         return pd.concat([table, means.T]).rename_axis("benchmark")
 
     def cost_table(self) -> pd.DataFrame:
-        """What each method took: evaluations on validation, image pairs through a network, seconds.
+        """What each method took to choose among its runs: validation evaluations, image pairs, wall seconds.
 
-        Each stands for itself: what two methods share is in both rows, and what the store saved is counted.
+        Runs from several seeds are summed, since all were needed to choose among them. Each method stands for
+        itself: what two share is in both rows, and what the store saved is counted.
         """
+        chosen = {
+            result.label: ", ".join(f"{k} = {_shown(v)}" for k, v in result.settings.items())
+            for result in self.run.results.values()
+        }
         rows = [
             {
-                "method": result.label,
-                "evaluations": result.evaluations,
-                "image passes": result.image_passes,
-                "seconds": result.seconds,
-                "chosen": ", ".join(f"{k} = {_shown(v)}" for k, v in result.settings.items()),
+                "method": cost.method,
+                "runs": cost.runs,
+                "evaluations": cost.evaluations,
+                "image passes": cost.image_passes,
+                "wall seconds": cost.seconds,
+                "chosen": chosen[cost.method],
             }
-            for result in self.run.results.values()
+            for cost in self.costs()
         ]
         return pd.DataFrame(rows).set_index("method")
 
     def costs(self) -> tuple[MethodCost, ...]:
-        """What each method took, each for itself, for tables and figures."""
-        return method_costs(self.run)
+        """What each method took, all its runs together, for tables and figures."""
+        return costs_of(self.runs)
 
     def overhead_table(self, training: Mapping[str, float]) -> pd.DataFrame:
         """What each method took beside the fine-tuning of the sources: the paper's table of costs.
@@ -224,130 +225,6 @@ class Study:
             InputError: no training, or one without a positive time.
         """
         return overhead_table(self.costs(), training)
-
-
-def study(
-    experiment: Experiment,
-    *,
-    seeds: int = 5,
-    methods: Iterable[str] | None = None,
-    reference: str | None = None,
-    settings: Mapping[str, Mapping[str, Any]] | None = None,
-    progress: LineCallback = lambda _line: None,
-) -> Study:
-    """Run every method, and measure all their networks on every benchmark.
-
-    Args:
-        experiment: pool, benchmarks, store and budgets.
-        seeds: how many seeds the two stages are run with, from the experiment's on.
-        methods: names as :func:`~sfkit.baselines.baselines` lists them; all usual ones unless given.
-        reference: the method that others are compared with, by its name; the last one unless given.
-        settings: method name -> settings of its own.
-        progress: hears a line when a method begins.
-
-    Raises:
-        InputError: no seed, an unknown method, or a reference that was not run.
-    """
-    if seeds < 1:
-        raise InputError(f"seeds: found {seeds}, expected at least 1")
-    used = tuple(experiment.seed + number for number in range(seeds))
-    tests = [experiment.scorer(one, experiment.metric_of(one)) for one in experiment.columns]
-    run = _run(experiment, used[0], methods, tests, settings, progress)
-    runs = _seeded(experiment, run, used, settings, progress)
-    progress("every network on every benchmark")
-    measured = experiment.measured(_networks(experiment.pool, runs))
-    name = reference or list(run.results)[-1]
-    if name not in run.results:
-        raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
-    label = run.results[name].label
-    comparison = _compare(experiment, measured, runs, label)
-    found = _verdict(experiment, measured, runs)
-    return Study(experiment, used, run, runs, measured, comparison, label, found, experiment.by_hand)
-
-
-def _run(
-    experiment: Experiment,
-    seed: int,
-    methods: Iterable[str] | None,
-    tests: Sequence[Evaluator],
-    settings: Mapping[str, Mapping[str, Any]] | None,
-    progress: LineCallback,
-) -> BaselineRun:
-    def heard(label: str, done: int, total: int) -> None:
-        if label:
-            progress(f"method {done + 1} of {total}: {label}, seed {seed}")
-
-    return run_baselines(
-        experiment.pool,
-        experiment.scorer(),
-        methods,
-        seed=seed,
-        population=experiment.population,
-        generations=experiment.generations,
-        evaluations=experiment.evaluations,
-        tests=tests,
-        settings=settings,
-        progress=heard,
-    )
-
-
-def _seeded(
-    experiment: Experiment,
-    run: BaselineRun,
-    seeds: Sequence[int],
-    settings: Mapping[str, Mapping[str, Any]] | None,
-    progress: LineCallback,
-) -> dict[str, BaselineResult]:
-    """Results by network name; the stages once a seed."""
-    again = [name for name in SEEDED if name in run.results]
-    others = {seed: _run(experiment, seed, again, (), settings, progress) for seed in seeds[1:] if again}
-    runs: dict[str, BaselineResult] = {}
-    for name, result in run.results.items():
-        if name not in again:
-            runs[result.label] = result
-            continue
-        for seed in seeds:
-            found = result if seed == seeds[0] else others[seed].results[name]
-            runs[f"{result.label}, seed {seed}"] = found
-    return runs
-
-
-def _networks(pool: Pool, runs: Mapping[str, BaselineResult]) -> dict[str, tuple[Pool, Recipe]]:
-    """Base, sources, their equal mixture, and what methods found, each with the pool it belongs to."""
-    alone = {name: (pool, pool.equal(name)) for name in pool.names}
-    found = {name: (result.pool, result.recipe) for name, result in runs.items()}
-    return {BASE: (pool, pool.base_recipe()), **alone, UNIFORM: (pool, pool.uniform()), **found}
-
-
-def _compare(
-    experiment: Experiment,
-    measured: Sequence[Measured],
-    runs: Mapping[str, BaselineResult],
-    reference: str,
-) -> NetworkComparison:
-    """Base and methods; single sources have a table of their own."""
-    groups: dict[str, list[str]] = {}
-    for network, result in runs.items():
-        if network != result.label:
-            groups.setdefault(result.label, []).append(network)
-    shown = (BASE, *runs)
-    rows = [replace(one, images={name: one.images[name] for name in shown}) for one in measured]
-    return compare_networks(rows, reference, seeds=groups)
-
-
-def _verdict(
-    experiment: Experiment, measured: Sequence[Measured], runs: Mapping[str, BaselineResult]
-) -> Verdict:
-    """Of all networks but oracles, which saw the tests; validation under the metric that guided."""
-    able = {name: result for name, result in runs.items() if not result.oracle}
-    guide = experiment.validation
-    guides = [replace(one, metric=guide.metric) for one in measured if one.benchmark == guide.name]
-    return verdict(
-        {name: result.recipe for name, result in able.items()},
-        guides,
-        [one for one in measured if not one.validation],
-        evaluations={name: result.evaluations for name, result in able.items()},
-    )
 
 
 def _word(found: Difference | None) -> str:

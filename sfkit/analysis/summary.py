@@ -126,10 +126,13 @@ def _sources(study: Study) -> Iterator[str]:
 
 
 def _cost(study: Study) -> Iterator[str]:
-    result = study.result
+    costs = study.costs()
+    own = next(cost for cost in costs if cost.method == study.result.label)
+    runs = f" in {own.runs} runs" if own.runs > 1 else ""
     yield (
-        f"Finding it took {result.evaluations:,} evaluations, {result.image_passes:,} image pairs through "
-        f"the network and {_time(result.seconds)} of computing; the merged network costs what the base costs."
+        f"Finding it took {own.evaluations:,} evaluations, {own.image_passes:,} image pairs through "
+        f"the network and {_time(own.seconds)} of wall time{runs}, and all it was chosen among "
+        f"{sum(cost.evaluations for cost in costs):,} at most; the merged network costs what the base costs."
     )
 
 

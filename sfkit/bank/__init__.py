@@ -42,13 +42,15 @@ def pool_path(name: str = BANK.name) -> Path:
 
 
 def training_seconds(name: str = BANK.name) -> dict[str, float]:
-    """Source -> CPU seconds of the one thread that fine-tuned it, as recorded when the bank was built.
+    """Source -> wall seconds of the one thread that fine-tuned it, as recorded when the bank was built.
+
+    They stand beside the wall seconds of searches; ``trainings.json`` has the CPU seconds too.
 
     Raises:
         InputError: no bank of that name.
     """
     records = json.loads((pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
-    return {source: float(r["cpu_seconds"]) for source, r in records.items() if source != BASE.name}
+    return {source: float(r["seconds"]) for source, r in records.items() if source != BASE.name}
 
 
 def worlds(

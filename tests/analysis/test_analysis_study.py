@@ -96,7 +96,10 @@ def test_the_summary_says_what_the_tables_say(found: Study) -> None:
     assert f"better than base ({mine - base:+.2f} px" in said
     assert "Alone, 1 of the 3 sources are better than the base" in said
     assert "the best of them there is one (EPE 0.6" in said
-    assert f"{found.result.evaluations:,} evaluations, {found.result.image_passes:,} image pairs" in said
+    own = next(cost for cost in found.costs() if cost.method == "Stage 1")
+    assert f"{own.evaluations:,} evaluations, {own.image_passes:,} image pairs" in said
+    total = sum(cost.evaluations for cost in found.costs())
+    assert f"in 2 runs, and all it was chosen among {total:,} at most" in said
     assert "over 2 seeds" in said
 
 
@@ -126,7 +129,10 @@ def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experime
 def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None:
     costs = found.cost_table()
     assert costs.loc["uniform", ["evaluations", "image passes"]].tolist() == [1, 6]
-    assert costs.loc["Stage 1", "evaluations"] == 4  # all subsets of two or more
+    assert costs.loc["Stage 1", "evaluations"] == 8  # all subsets of two or more, for each of two seeds
+    assert costs["runs"].tolist() == [1, 1, 1, 2, 2]
+    own = [result.evaluations for result in found.runs.values() if result.label == "Stage 1+2"]
+    assert costs.loc["Stage 1+2", ["evaluations", "image passes"]].tolist() == [sum(own), 6 * sum(own)]
     sources = found.sources_table()
     assert list(sources.columns) == ["base", *LEVELS, "uniform"]
     assert sources.loc["guide (all-valid) epe [px] *", "five"] == pytest.approx(1.875)
@@ -157,3 +163,19 @@ def test_the_environment_names_every_checkpoint_and_benchmark(experiment: Experi
 def test_a_recipe_is_a_row_a_block() -> None:
     table = recipe_table(Recipe.equal(["a", "b"], ["neck", "head"]))
     assert table.to_dict("index") == {name: {"a": 0.5, "b": 0.5, "scale": 1.0} for name in ("neck", "head")}
+
+
+def test_what_draws_is_drawn_as_often_as_the_stages_have_seeds(experiment: Experiment) -> None:
+    small = {"dare": {"probabilities": (0.5,)}, "dare_ties": {"probabilities": (0.5,), "lambdas": (1.0,)}}
+    methods = ("random_subsets", "dare", "dare_ties", "stage1")
+    drawn = study(experiment, seeds=3, methods=methods, settings=small)
+    counts = {row.network: row.spread for row in drawn.comparison.rows}
+    assert counts.pop("base") is None
+    assert {len(spread.values) for spread in counts.values() if spread} == {3}
+    assert len([name for name in drawn.runs if name.startswith("DARE, draw")]) == 3
+    costs = drawn.cost_table()
+    assert costs.loc["DARE", ["runs", "evaluations"]].tolist() == [1, 3], "three draws, counted once"
+    # An interval over seeds and images is at least as wide as over images alone.
+    one = drawn.comparison.row("DARE").difference
+    assert one is not None
+    assert one.interval is not None

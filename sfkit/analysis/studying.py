@@ -1,0 +1,151 @@
+"""Run the main comparison: every method, as often as it draws, and all their networks on every benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from sfkit.analysis.comparisons import NetworkComparison, compare_networks
+from sfkit.analysis.experiment import Experiment
+from sfkit.analysis.measured import Measured
+from sfkit.analysis.study import BASE, UNIFORM, LineCallback, Study
+from sfkit.analysis.study_runs import AGAIN, costs_of, with_draws
+from sfkit.analysis.verdict import Verdict, verdict
+from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
+from sfkit.errors import InputError
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.merging.pool import Pool
+from sfkit.merging.recipe import Recipe
+
+
+def study(
+    experiment: Experiment,
+    *,
+    seeds: int = 5,
+    methods: Iterable[str] | None = None,
+    reference: str | None = None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    progress: LineCallback = lambda _line: None,
+) -> Study:
+    """Run every method, and measure all their networks on every benchmark.
+
+    Args:
+        experiment: pool, benchmarks, store and budgets.
+        seeds: how often every method that draws is run: both stages and random subsets with so many seeds,
+            from the experiment's on; DARE and DARE + TIES with so many draws.
+        methods: names as :func:`~sfkit.baselines.baselines` lists them; all usual ones unless given.
+        reference: the method that others are compared with, by its name; the last one unless given.
+        settings: method name -> settings of its own.
+        progress: hears a line when a method begins.
+
+    Raises:
+        InputError: no seed, an unknown method, or a reference that was not run.
+    """
+    if seeds < 1:
+        raise InputError(f"seeds: found {seeds}, expected at least 1")
+    used = tuple(experiment.seed + number for number in range(seeds))
+    tests = [experiment.scorer(one, experiment.metric_of(one)) for one in experiment.columns]
+    settings = with_draws(settings or {}, seeds)
+    run = _run(experiment, used[0], methods, tests, settings, progress)
+    runs = _seeded(experiment, run, used, settings, progress)
+    progress("every network on every benchmark")
+    measured = experiment.measured(_networks(experiment.pool, runs))
+    name = reference or list(run.results)[-1]
+    if name not in run.results:
+        raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
+    label = run.results[name].label
+    comparison = _compare(experiment, measured, runs, label)
+    found = _verdict(experiment, measured, runs)
+    return Study(experiment, used, run, runs, measured, comparison, label, found, experiment.by_hand)
+
+
+def _run(
+    experiment: Experiment,
+    seed: int,
+    methods: Iterable[str] | None,
+    tests: Sequence[Evaluator],
+    settings: Mapping[str, Mapping[str, Any]] | None,
+    progress: LineCallback,
+) -> BaselineRun:
+    def heard(label: str, done: int, total: int) -> None:
+        if label:
+            progress(f"method {done + 1} of {total}: {label}, seed {seed}")
+
+    return run_baselines(
+        experiment.pool,
+        experiment.scorer(),
+        methods,
+        seed=seed,
+        population=experiment.population,
+        generations=experiment.generations,
+        evaluations=experiment.evaluations,
+        tests=tests,
+        settings=settings,
+        progress=heard,
+    )
+
+
+def _seeded(
+    experiment: Experiment,
+    run: BaselineRun,
+    seeds: Sequence[int],
+    settings: Mapping[str, Mapping[str, Any]] | None,
+    progress: LineCallback,
+) -> dict[str, BaselineResult]:
+    """Results by network name: one a seed, or one a draw, of what draws."""
+    again = [name for name in AGAIN if name in run.results]
+    others = {seed: _run(experiment, seed, again, (), settings, progress) for seed in seeds[1:] if again}
+    runs: dict[str, BaselineResult] = {}
+    for name, result in run.results.items():
+        if len(result.draws) > 1:
+            for number, one in enumerate(result.draws):
+                drawn = replace(result, pool=one.pool, recipe=one.recipe)
+                runs[f"{result.label}, draw {number}"] = drawn
+            continue
+        if name not in again:
+            runs[result.label] = result
+            continue
+        for seed in seeds:
+            found = result if seed == seeds[0] else others[seed].results[name]
+            runs[f"{result.label}, seed {seed}"] = found
+    return runs
+
+
+def _networks(pool: Pool, runs: Mapping[str, BaselineResult]) -> dict[str, tuple[Pool, Recipe]]:
+    """Base, sources, their equal mixture, and what methods found, each with the pool it belongs to."""
+    alone = {name: (pool, pool.equal(name)) for name in pool.names}
+    found = {name: (result.pool, result.recipe) for name, result in runs.items()}
+    return {BASE: (pool, pool.base_recipe()), **alone, UNIFORM: (pool, pool.uniform()), **found}
+
+
+def _compare(
+    experiment: Experiment,
+    measured: Sequence[Measured],
+    runs: Mapping[str, BaselineResult],
+    reference: str,
+) -> NetworkComparison:
+    """Base and methods; single sources have a table of their own."""
+    groups: dict[str, list[str]] = {}
+    for network, result in runs.items():
+        if network != result.label:
+            groups.setdefault(result.label, []).append(network)
+    shown = (BASE, *runs)
+    rows = [replace(one, images={name: one.images[name] for name in shown}) for one in measured]
+    return compare_networks(rows, reference, seeds=groups)
+
+
+def _verdict(
+    experiment: Experiment, measured: Sequence[Measured], runs: Mapping[str, BaselineResult]
+) -> Verdict:
+    """Of all networks but oracles, which saw the tests; validation under the metric that guided."""
+    able = {name: result for name, result in runs.items() if not result.oracle}
+    guide = experiment.validation
+    guides = [replace(one, metric=guide.metric) for one in measured if one.benchmark == guide.name]
+    spent = {cost.method: cost.evaluations for cost in costs_of(runs)}
+    return verdict(
+        {name: result.recipe for name, result in able.items()},
+        guides,
+        [one for one in measured if not one.validation],
+        evaluations={name: spent[result.label] for name, result in able.items()},
+    )
