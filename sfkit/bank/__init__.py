@@ -44,7 +44,8 @@ def pool_path(name: str = BANK.name) -> Path:
 def training_seconds(name: str = BANK.name) -> dict[str, float]:
     """Source -> wall seconds of the one thread that fine-tuned it, as recorded when the bank was built.
 
-    They stand beside the wall seconds of searches; ``trainings.json`` has the CPU seconds too.
+    They stand beside the wall seconds of searches. The machine did other work at the time: ``trainings.json``
+    has the CPU seconds, a sixth of these, so that an overhead against them is a lower bound.
 
     Raises:
         InputError: no bank of that name.
