@@ -3,9 +3,9 @@
     python benchmarks/census.py --json
 
 Real networks (with SFKIT_REAL_DATA): base and all merges of four AnyNet sources, five pairs, with and
-without the propagation stage, bad-1.0. The embedded bank: its 11 sources and subsets drawn at random, the
-first pairs of each of its four worlds, bad-3.0. A map is predicted once and compared by every variant;
-nothing is kept.
+without the propagation stage, and frames of training sets, bad-1.0. The embedded bank: its 11 sources and
+subsets drawn at random, the first pairs of each of its four worlds, bad-3.0. A map is predicted once and
+compared by every variant; nothing is kept.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ from scipy.stats import spearmanr
 import sfkit
 from sfkit import bank
 from sfkit.checkpoints.spec import read_pool_spec
-from sfkit.datasets import Benchmark, Sample
+from sfkit.datasets import Benchmark, Sample, memory_benchmark
 from sfkit.datasets.census import SCALES, CensusScale, CensusTarget
+from sfkit.datasets.training_sets import open_training_set
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.live import LiveModel
 
@@ -134,11 +135,31 @@ def real() -> Iterator[dict[str, Any]]:
     for spn in (True, False):
         spec = read_pool_spec(evidence_real.POOL)
         pool = sfkit.open_pool(replace(spec, options={"spn": spn}))
-        recipes = {"base": pool.base_recipe()}
-        for size in range(1, len(pool.names) + 1):
-            recipes |= {"+".join(c): pool.equal(*c) for c in itertools.combinations(pool.names, size)}
         for benchmark in evidence_real.benchmarks().values():
-            yield {"kind": "real", "spn": spn, **table(pool, recipes, benchmark, 1.0)}
+            yield {"kind": "real", "spn": spn, **table(pool, merges(pool), benchmark, 1.0)}
+
+
+def merges(pool: Pool) -> dict[str, Recipe]:
+    """Base, and every subset of the sources, by name."""
+    subsets = [c for size in range(len(pool.names)) for c in itertools.combinations(pool.names, size + 1)]
+    return {"base": pool.base_recipe(), **{"+".join(chosen): pool.equal(*chosen) for chosen in subsets}}
+
+
+FRAMES = {"sceneflow": "SceneFlow", "instereo2k": "InStereo2K", "tartanair": "TartanAir"}
+"""Training set -> the folder of its frames beside the real pairs."""
+
+
+def frames() -> Iterator[dict[str, Any]]:
+    """The same networks, with propagation, on frames that sources are commonly trained on."""
+    pool = sfkit.open_pool(evidence_real.POOL)
+    folder = Path(os.environ["SFKIT_REAL_DATA"]) / "sources"
+    for name, place in FRAMES.items():
+        found = open_training_set(name, folder / place, hold_out=False)
+        yield {
+            "kind": "frames",
+            "spn": True,
+            **table(pool, merges(pool), memory_benchmark(name, found.pairs), 1.0),
+        }
 
 
 def embedded(subsets: int, pairs: int) -> Iterator[dict[str, Any]]:
@@ -162,7 +183,7 @@ def measure(subsets: int, pairs: int, folder: Path) -> list[dict[str, Any]]:
         (f"bank-{subsets}-{pairs}", lambda: embedded(subsets, pairs))
     ]
     if "SFKIT_REAL_DATA" in os.environ:
-        parts.insert(0, ("real", real))
+        parts = [("real", real), ("frames", frames), *parts]
     folder.mkdir(parents=True, exist_ok=True)
     rows: list[dict[str, Any]] = []
     for name, part in parts:

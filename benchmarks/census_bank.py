@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from sfkit import bank, baselines
 from sfkit.analysis.ranking import yardstick_recipes
 from sfkit.analysis.trust import trust
 from sfkit.datasets import Benchmark
-from sfkit.errors import SfkitWarning
 from sfkit.merging import Recipe
 
 TRUE = "bad-3.0"
@@ -75,10 +73,8 @@ def _sentences(world: str, unlabelled: sfkit.Evaluator, labelled: sfkit.Evaluato
     recipes = list(yardstick_recipes(unlabelled.pool).values())
     rows = []
     for stage, judge in (("trust, without labels", None), ("trust, with labels", labelled)):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SfkitWarning)
-            found = trust(unlabelled, recipes, labelled=judge)
-        rows.append({"world": world, "guide": UNLABELLED, "stage": stage, "sentence": found.sentence})
+        said = trust(unlabelled, recipes, labelled=judge).sentence
+        rows.append({"world": world, "guide": UNLABELLED, "stage": stage, "sentence": said})
     return rows
 
 

@@ -3,8 +3,9 @@
     python benchmarks/census_guides.py --json
 
 Needs SFKIT_REAL_DATA. The unlabelled guide is all five pairs by ``census``; the labelled ones are one pair,
-and three, by bad-1.0. True errors are over all pixels with ground truth. Everything scored is kept in a
-store: started again it goes on where it was.
+and three, by bad-1.0. AdaMerging's entropy, the other guide without labels, sees the same five pairs. True
+errors are over all pixels with ground truth. Everything scored is kept in a store: started again it goes on
+where it was.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import evidence_real
 import torch
 
 import sfkit
+from sfkit import baselines
 from sfkit.merging import Recipe
 
 GUIDES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -27,6 +29,7 @@ GUIDES: dict[str, tuple[str, tuple[str, ...]]] = {
     "three labelled": ("bad-1.0", ("eth3d", "cones", "motorcycle")),
 }
 TRUE = "bad-1.0"
+ENTROPY = ("adamerging_blocks",)
 
 
 def measure(seeds: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
@@ -45,6 +48,12 @@ def measure(seeds: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
         rows.append(row("", "base", 0, pool.base_recipe()))
         rows.append(row("", "uniform", 0, pool.uniform()))
         rows += [row("", name, 0, pool.equal(name)) for name in pool.names]
+        seen = sfkit.CombinedScorer(
+            [sfkit.Evaluator(pool, b, store=kept, metric="census") for b in benchmarks.values()]
+        )
+        for method in ENTROPY:
+            entry = baselines.baseline_named(method)
+            rows.append(row("entropy of five unlabelled", entry.label, 0, entry(pool, seen).recipe))
         for seed in range(seeds):
             for guide, (metric, names) in GUIDES.items():
                 scorers = [sfkit.Evaluator(pool, benchmarks[n], store=kept, metric=metric) for n in names]

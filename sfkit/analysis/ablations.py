@@ -36,7 +36,8 @@ def fitness_metrics(
 
     Args:
         experiment: pool, validation benchmark and budgets.
-        metrics: what the validation benchmark is scored by in turn.
+        metrics: what the validation benchmark is scored by in turn; where it has no ground truth, those of
+            them that need none.
         routing: with Stage 2; the subset alone without.
 
     Returns:
@@ -44,7 +45,8 @@ def fitness_metrics(
         row's subset is in each (Jaccard, 0 to 1).
     """
     answers = {
-        metric: experiment.answer(experiment.scorer(metric=metric), routing=routing) for metric in metrics
+        metric.name: experiment.answer(experiment.scorer(metric=metric.name), routing=routing)
+        for metric in experiment.validation.measurable(metrics)
     }
     return _table(experiment, answers).rename_axis("fitness metric")
 

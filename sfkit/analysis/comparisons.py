@@ -54,7 +54,8 @@ class ComparedNetwork:
     Attributes:
         network: its name.
         scores: one a column; NaN where it failed. Means over runs where the row is several seeds.
-        guided: mean over the columns that guided a search; NaN without any.
+        guided: mean over the columns that guided a search; NaN without any, and where they were measured
+            without ground truth or in another unit than the others.
         unseen: mean over the others; NaN without any.
         differences: to the reference, one a column; empty for the reference itself.
         guided_difference: to the reference on the mean of the columns that guided; None without any.
@@ -206,7 +207,7 @@ def compare_networks(
     if reference not in rows:
         raise InputError(f"comparison: found no row {reference!r}, expected one of: {', '.join(rows)}")
     columns = tuple(_column(one, metric) for one in measured)
-    unit = common_unit(measured, metric)
+    unit = common_unit([one for one in measured if not one.validation] or measured, metric)
     made = [_row(name, runs, reference, rows, measured, metric, level) for name, runs in rows.items()]
     return NetworkComparison(reference, columns, _corrected(made), unit)
 
@@ -260,6 +261,8 @@ def _row(
     scores = tuple(_mean(one.score(run, metric=metric) for run in runs) for one in measured)
     by_name = dict(zip((one.benchmark for one in measured), scores, strict=True))
     guided, unseen = (_mean(by_name[one.benchmark] for one in group) for group in (guides, tests))
+    if len({_kind(one, metric) for one in measured}) > 1:
+        guided = math.nan  # a guide by census stands in no distance to errors
     if name == reference:
         return ComparedNetwork(name, scores, guided, unseen, spread=spread)
 
@@ -271,6 +274,12 @@ def _row(
     differences = tuple(against([one]) for one in measured)
     on_guided, on_unseen = (against(group) if group else None for group in (guides, tests))
     return ComparedNetwork(name, scores, guided, unseen, differences, on_guided, on_unseen, spread)
+
+
+def _kind(one: Measured, metric: str | None) -> tuple[str, bool]:
+    """What scores must share to be subtracted: the unit, and whether they compare with ground truth."""
+    parsed = Metric.parse(metric or one.metric)
+    return parsed.unit, parsed.needs_truth
 
 
 def _mean(values: Iterable[float]) -> float:

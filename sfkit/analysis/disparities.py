@@ -90,7 +90,8 @@ class Comparison:
         pool: the recipes' pool.
         networks: panel name -> recipe of the pool, or loaded network; at least one.
         benchmark: gives pairs, protocol and metric.
-        metrics: scores to show; the benchmark's own unless given.
+        metrics: scores to show, of pairs without ground truth those that need none; the benchmark's own
+            unless given.
         compute: where and how recipes run, in this process; a loaded network runs where it is.
 
     Raises:
@@ -112,7 +113,7 @@ class Comparison:
             if isinstance(network, Recipe):
                 pool.canonical(network)
         self.pool, self.networks, self.benchmark, self.compute = pool, dict(networks), benchmark, compute
-        self.metrics = tuple(Metric.parse(name) for name in (metrics or (benchmark.metric,)))
+        self.metrics = benchmark.measurable(metrics) or (Metric.parse(benchmark.metric),)
         self._kept: dict[str, DisparityPanels] = {}
 
     @property

@@ -73,7 +73,8 @@ class Experiment:
         validation: what guides the searches, with its metric.
         reported: what tests their results; none of its pairs may be among the validation's.
         store: where every evaluation is kept, so that experiments that share a recipe share its score.
-        metric: what the tables show; the validation benchmark's unless given.
+        metric: what the tables show; unless given the validation benchmark's, or where that needs no ground
+            truth the first reported benchmark's. Pairs without ground truth are shown by their own.
         own_metrics: whether tables show each benchmark under its own metric instead.
         population: M of Stage 1.
         generations: T_1 of Stage 1.
@@ -105,11 +106,14 @@ class Experiment:
     @property
     def shown(self) -> str:
         """The metric of tables, where they do not show each benchmark under its own."""
-        return self.metric or self.validation.metric
+        told = (one.metric for one in (self.validation, *self.reported))
+        by_truth = (metric for metric in told if Metric.parse(metric).needs_truth)
+        return self.metric or next(by_truth, self.validation.metric)
 
     def metric_of(self, benchmark: Benchmark) -> str:
         """What tables show a benchmark by."""
-        return benchmark.metric if self.own_metrics else self.shown
+        known = benchmark.measurable([self.shown])
+        return benchmark.metric if self.own_metrics or not known else self.shown
 
     @property
     def columns(self) -> tuple[Benchmark, ...]:
@@ -173,7 +177,7 @@ class Experiment:
         chosen = self.validation if benchmark is None else benchmark
         wanted = metric or chosen.metric
         asked = (chosen.metric, self.shown, *also)
-        counted = Quantities.of(wanted, *asked)
+        counted = Quantities.of(wanted, *chosen.measurable(asked))
         key = (chosen.fingerprint(), chosen.protocol, wanted, counted, self.compute)
         if key not in self._evaluators:
             self._evaluators[key] = Evaluator(

@@ -92,11 +92,16 @@ def region_scores(
         textureless: whether to measure textureless pixels, which runs each network once more the first time.
 
     Raises:
-        InputError: no recipe, or a metric that was not recorded.
+        InputError: no recipe, or a metric that was not recorded or is none of regions, such as ``census``.
     """
     if not recipes:
         raise InputError("regions: found no recipe, expected name -> recipe of at least one network")
     parsed = Metric.parse(metric) if metric else evaluator.metric
+    if parsed.counts is None:
+        raise InputError(
+            f"regions: found the metric {parsed}, which is counted over whole images, expected one of errors "
+            "such as bad-3.0, on pairs with ground truth"
+        )
     evaluations = evaluator.evaluate(list(recipes.values()))
     evaluator.release()
     by_region = {region: [_images(e, region) for e in evaluations] for region in REGIONS}

@@ -95,8 +95,8 @@ class Study:
 
     @property
     def metric(self) -> str | None:
-        """The metric of the comparison; None where each benchmark is shown under its own."""
-        metrics = {one.metric for one in self.measured}
+        """The metric of the unseen benchmarks; None where each is shown under its own."""
+        metrics = {one.metric for one in self.unseen or self.measured}
         return metrics.pop() if len(metrics) == 1 else None
 
     def mean(self, network: str) -> float:

@@ -146,8 +146,6 @@ def trust(
 ) -> Trust:
     """Look at the ranking of networks by ``census``; whatever the stores have is not computed again.
 
-    Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
-
     Args:
         scorers: of the pairs without labels, by ``census``; several are looked at as one set of pairs.
         recipes: the networks, such as :func:`~sfkit.analysis.ranking.yardstick_recipes`.
@@ -177,10 +175,7 @@ def trust(
     best = recipes[sound[int(table.mean(axis=1).argmin())]]
     seen = [row for part in parts for row in _seen(part.pool, part.prepared, best, part.device)]
     texture, inside, collapsed = np.mean(seen, axis=0).tolist()
-    judged = Trust(found, stability(table, seed=seed), texture, inside, collapsed, table.shape[1])
-    if judged.doubts:
-        warnings.warn(judged.sentence, SfkitWarning, stacklevel=2)
-    return judged
+    return Trust(found, stability(table, seed=seed), texture, inside, collapsed, table.shape[1])
 
 
 def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
@@ -188,6 +183,8 @@ def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
 
     Looks at the networks every pool has (:func:`~sfkit.analysis.ranking.yardstick_recipes`); a guide with
     labels beside them says how well they agree, over these and all networks that were scored by both.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
     """
     unlabelled = [one for one in evaluators if one.metric.name == CENSUS.name]
     if not unlabelled:
@@ -199,7 +196,10 @@ def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
             one.evaluate(recipes)
         if len(scored_by_both(unlabelled, labelled)[0]) < FEW_NETWORKS:
             labelled = None  # a pool of two sources that nothing searched: no correlation to speak of
-    return trust(unlabelled, recipes, labelled=labelled)
+    found = trust(unlabelled, recipes, labelled=labelled)
+    if found.doubts:
+        warnings.warn(found.sentence, SfkitWarning, stacklevel=2)
+    return found
 
 
 def _seen(

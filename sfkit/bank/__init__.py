@@ -55,14 +55,19 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
 
 
 def worlds(
-    pool: object, benchmark: str | None, report_on: Sequence[str | Mapping[str, Any]] | None = None
+    pool: object,
+    benchmark: str | None,
+    report_on: Sequence[str | Mapping[str, Any]] | None = None,
+    *,
+    guide: str = VALIDATION,
 ) -> tuple[str, list[str | Mapping[str, Any]]]:
     """What guides and what tests a pool: what is named, and for the bank's own pools its worlds by default.
 
     Args:
         pool: a bank's name, or what :func:`sfkit.open_pool` takes besides.
         benchmark: what guides; None where nothing was named.
-        report_on: what tests; None where nothing was named.
+        report_on: what tests; None where nothing was named: all worlds but ``guide``.
+        guide: the world that guides by default.
 
     Raises:
         InputError: a pool of one's own and no benchmark: rendered worlds say nothing of it.
@@ -74,9 +79,9 @@ def worlds(
             "rendered worlds would say nothing of it; name what guides the search, such as eth3d with "
             "benchmark_root ~/ETH3D, and in report_on what tests it"
         )
-    unseen = () if own else (f"{BANK.name}:{name}" for name in benchmarks() if name != VALIDATION)
+    unseen = () if own else (f"{BANK.name}:{name}" for name in benchmarks() if name != guide)
     tests: list[str | Mapping[str, Any]] = [*(unseen if report_on is None else report_on)]
-    return benchmark or f"{BANK.name}:{VALIDATION}", tests
+    return benchmark or f"{BANK.name}:{guide}", tests
 
 
 for _name in banks():

@@ -27,9 +27,14 @@ def fisher(trials: Trials, *, floor: float = 1e-6) -> Choice:
         floor: information below it counts as this much.
 
     Raises:
-        InputError: a source's loss or gradient is not finite.
+        InputError: pairs without ground truth, or a source's loss or gradient is not finite.
     """
     parts = evaluators_of(trials.validation)
+    if bare := [part.benchmark.name for part in parts if not part.benchmark.labelled]:
+        raise InputError(
+            f"fisher: {', '.join(bare)} has no ground truth, expected some to take the loss on: leave it "
+            "out, or tune on labelled pairs"
+        )
     prepared = [part.prepared for part in parts]
     on = "+".join(part.benchmark.name for part in parts)
     with trials.timed():

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.cards import card
-from sfkit.datasets.metric import Metric
-from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
+from sfkit.datasets.metric import Metric, metrics_of
+from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair, is_labelled
 from sfkit.datasets.protocols import Rule, default_metric, rule
 from sfkit.errors import InputError, unknown_name
 
@@ -74,6 +74,16 @@ class Benchmark:
     def rule(self) -> Rule:
         """What its protocol says about its family: which pixels count, and how images become one number."""
         return rule(self.protocol, self.family)
+
+    @property
+    def labelled(self) -> bool:
+        """Whether every pair has ground truth, which metrics other than ``census`` compare with."""
+        return all(is_labelled(pair) for pair in self.pairs)
+
+    def measurable(self, metrics: Iterable[str | Metric]) -> tuple[Metric, ...]:
+        """Those of some metrics that its pairs can be measured by: without ground truth, what needs none."""
+        asked = metrics_of(*metrics)
+        return tuple(asked) if self.labelled else tuple(one for one in asked if not one.needs_truth)
 
     @property
     def coverage(self) -> str:

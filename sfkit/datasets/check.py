@@ -14,7 +14,7 @@ from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.folders import nothing_recognised
 from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root
 from sfkit.datasets.manifests import load_manifest
-from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair
+from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair, is_labelled
 from sfkit.datasets.protocols import protocols_without_mask, rules_for
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError
@@ -162,11 +162,6 @@ def _check_pairs(pairs: Iterable[Pair]) -> tuple[tuple[str, ...], tuple[str, ...
         if other != pair.id:
             warnings.append(f"{pair.id}: has the same left image as {other}; the pair counts twice")
     return tuple(problems), tuple(warnings)
-
-
-def is_labelled(pair: Pair) -> bool:
-    """False for a pair on disk that names no ground truth."""
-    return not (isinstance(pair, StereoPair) and pair.disparity is None)
 
 
 def _mask_note(family: str, pairs: Iterable[Pair]) -> list[str]:

@@ -155,6 +155,11 @@ class MemoryPair:
         return digest.hexdigest()
 
 
+def is_labelled(pair: Pair) -> bool:
+    """False for a pair on disk that names no ground truth."""
+    return not (isinstance(pair, StereoPair) and pair.disparity is None)
+
+
 def load(pair: StereoPair) -> Sample:
     """Read a pair's images, ground truth and mask.
 

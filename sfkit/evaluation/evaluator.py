@@ -41,7 +41,8 @@ class Evaluator:
         benchmark: pairs, protocol and default metric.
         store: where evaluations are kept; a store that keeps nothing without one.
         metric: ``"bad-1.0"``, ``"d1"``, ``"epe"``, ...; the benchmark's own by default.
-        also: further metrics that will be asked of the same evaluations, for what must be counted.
+        also: further metrics that will be asked of the same evaluations, for what must be counted; on pairs
+            without ground truth those that need none.
         retry_failed: whether candidates recorded as failed are tried again.
         compute: where and how networks run.
         shorthand: fields of :class:`~sfkit.evaluation.compute.Compute` that replace those of ``compute``:
@@ -75,7 +76,7 @@ class Evaluator:
         self.retry_failed = retry_failed
         self.splits: tuple[frozenset[int], ...] = ()
         self.counts = EvaluatorCounts()
-        self.quantities = Quantities.of(self.metric, *also)
+        self.quantities = Quantities.of(self.metric, *benchmark.measurable(also))
         inputs = pool.architecture.inputs(pool.options)
         self.prepared = PreparedBenchmark(benchmark, inputs, self.quantities)
         self._runner = Runner(pool, self.prepared, self.compute)

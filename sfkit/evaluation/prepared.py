@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from sfkit.architectures import InputConvention, PreparedPair
 from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.datasets.check import is_labelled
 from sfkit.datasets.metric import Count, Mask, Metric
-from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
+from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair, is_labelled
 from sfkit.errors import InputError
 from sfkit.evaluation.metrics import ImageErrors, Quantities, count_errors
 from sfkit.evaluation.regions import Regions, regions_of

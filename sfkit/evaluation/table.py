@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas as pd
 
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.datasets.metric import Metric
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.separation import column_name
@@ -56,7 +55,8 @@ def score_recipes(
         pool: the recipes' pool.
         recipes: row name -> recipe.
         benchmarks: what to score on.
-        metrics: the metrics of each benchmark; its own default where none is named.
+        metrics: the metrics of each benchmark; its own default where none is named, or none of them can be
+            measured for want of ground truth.
         validation: names of benchmarks that guided a search; their rows have the role ``validation``.
         store: where evaluations are kept.
         compute: where and how networks run.
@@ -74,7 +74,12 @@ def score_recipes(
         pool.check_recipe(recipe)
     evaluators = [
         Evaluator(
-            pool, benchmark, store=store, metric=next(iter(metrics), None), also=metrics, compute=compute
+            pool,
+            benchmark,
+            store=store,
+            metric=next((one.name for one in benchmark.measurable(metrics)), None),
+            also=metrics,
+            compute=compute,
         )
         for benchmark in benchmarks
     ]
@@ -94,7 +99,7 @@ def score_table(
     for evaluator in evaluators:
         benchmark = evaluator.benchmark
         role = "validation" if benchmark.name in validation else "reported"
-        wanted = [Metric.parse(metric) for metric in metrics] or [evaluator.metric]
+        wanted = benchmark.measurable(metrics) or (evaluator.metric,)
         named = None if progress is None else partial(progress, benchmark.name)
         evaluations = evaluator.evaluate(list(recipes.values()), progress=named)
         evaluator.release()  # one network in memory at a time, however many benchmarks there are

@@ -50,7 +50,10 @@ def interpolation_figure(
     for curve in curves:
         _line(figure, curve, names.index(curve.name), benchmarks.index(curve.benchmark) + 1)
     figure.update_xaxes(title_text=f"position (0 = {escape(ends[0])}, 1 = {escape(ends[1])})")
-    figure.update_yaxes(title_text=metric_label(curves[0].metric), col=1)
+    metrics = {curve.benchmark: curve.metric for curve in curves}
+    for col, name in enumerate(benchmarks, 1):
+        if col == 1 or metrics[name] != metrics[benchmarks[col - 2]]:
+            figure.update_yaxes(title_text=metric_label(metrics[name]), col=col)
     figure.update_annotations(font_size=12)
     return finish(
         figure,
