@@ -85,7 +85,7 @@ $(DEMO): pyproject.toml constraints.txt
 	$(call install,,$@)
 
 $(INSTALLED): pyproject.toml constraints.txt
-	$(call install,[jupyter$(comma)dev$(comma)docs$(comma)browser$(comma)ray],$@)
+	$(call install,[jupyter$(comma)dev$(comma)docs$(comma)browser$(comma)ray$(comma)export],$@)
 
 # What .venv holds, and the peers: an environment of their own that borrows the other one's packages.
 $(PEERS): $(INSTALLED) constraints-peers.txt

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
         validation_scorer,
     )
     from sfkit.evaluation.stereo_model import Disparity, StereoModel, load
+    from sfkit.exporting import export_network
     from sfkit.merging import LiveModel, Pool, Recipe, open_pool, routed
     from sfkit.merging.network import load_network
     from sfkit.merging.prepare import prepare, prepared_for
@@ -117,6 +118,7 @@ __all__ = [
     "baselines",
     "check_data",
     "estimate",
+    "export_network",
     "finetune",
     "load",
     "load_network",

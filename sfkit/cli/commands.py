@@ -88,6 +88,10 @@ ENTRIES = {
         "Write each pair's disparity with a colour preview, and its depth where the cameras are known.",
         "predict",
     ),
+    "export": Entry(
+        "Write a network as ONNX, torch.export, TorchScript or a plain checkpoint, checked on a pair.",
+        "export",
+    ),
     "show": Entry("Print what a file is and how it was made.", "show"),
     "report": Entry(
         "Run a notebook from top to bottom and write it as one HTML file that needs no network.", "report"

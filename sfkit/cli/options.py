@@ -97,6 +97,24 @@ def prepared(name: str, pool: Pool, recipe: Recipe) -> Pool:
     return _named(name, lambda: prepared_for(pool, recipe))
 
 
+def network_options(texts: list[str] | None) -> dict[str, Any]:
+    """``["spn=false"]`` -> ``{"spn": False}``; a value is JSON, or a text.
+
+    Raises:
+        InputError: one is no ``NAME=VALUE``.
+    """
+    found: dict[str, Any] = {}
+    for text in texts or []:
+        name, sign, value = text.partition("=")
+        if not sign or not name:
+            raise InputError(f"--option: found {text!r}, expected NAME=VALUE such as spn=false")
+        try:
+            found[name] = json.loads(value)
+        except json.JSONDecodeError:
+            found[name] = value
+    return found
+
+
 def source_names(argument: str, text: str) -> tuple[str, ...]:
     """``"a, b"`` -> ``("a", "b")``.
 

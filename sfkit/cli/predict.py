@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as jsonlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.cli.options import ForceOption, JsonOption, emit, say
+from sfkit.cli.options import ForceOption, JsonOption, emit, network_options, say
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ def predict(
 
     pairs = match_pairs(left, right)
     cameras = _calibration(calibration, focal, baseline)
-    options = dict(_option(text) for text in option or [])
+    options = network_options(option)
     plan = PredictionPlan.of(pairs, out, form=form, calibration=cameras, check=check, overwrite=force)
     model = load_network(file, name=architecture, options=options)
     rows = []
@@ -98,16 +97,6 @@ def _line(row: Mapping[str, Any]) -> str:
             f"{100 * row['inside']:.0f} % inside"
         )
     return f"{row['disparity']}: median {row['median_px']:.2f} px{broken}{check}"
-
-
-def _option(text: str) -> tuple[str, Any]:
-    name, sign, value = text.partition("=")
-    if not sign or not name:
-        raise InputError(f"--option: found {text!r}, expected NAME=VALUE such as spn=false")
-    try:
-        return name, jsonlib.loads(value)
-    except jsonlib.JSONDecodeError:
-        return name, value
 
 
 def _calibration(file: Path | None, focal: float | None, baseline: float | None) -> Calibration | None:

@@ -52,6 +52,22 @@ def read_origin(path: str | Path) -> Origin | None:
         InputError: the file cannot be read, or its metadata is malformed.
     """
     path = Path(path)
+    metadata = stated_metadata(path)
+    if metadata is None:
+        return None
+    values = {entry: _json(path, metadata[f"sfkit.{entry}"]) for entry in _ENTRIES}
+    recipe = Recipe.from_dict(_mapping(path, "recipe", values.pop("recipe")), where=str(path))
+    origin = Origin(recipe, **values)
+    _check_origin(path, origin)
+    return origin
+
+
+def stated_metadata(path: Path) -> dict[str, str] | None:
+    """The text entries of a merged file, or of the file beside it; None where sfkit did not make it.
+
+    Raises:
+        InputError: the file cannot be read, or an entry is missing.
+    """
     metadata: object = _texts(path)
     sidecar = path.with_name(path.name + ".recipe.json")
     if not metadata and sidecar.is_file():
@@ -61,11 +77,7 @@ def read_origin(path: str | Path) -> Origin | None:
     missing = [entry for entry in _ENTRIES if f"sfkit.{entry}" not in metadata]
     if missing:
         raise InputError(f"{path}: its sfkit metadata lacks {', '.join(missing)}, was it edited?")
-    values = {entry: _json(path, metadata[f"sfkit.{entry}"]) for entry in _ENTRIES}
-    recipe = Recipe.from_dict(_mapping(path, "recipe", values.pop("recipe")), where=str(path))
-    origin = Origin(recipe, **values)
-    _check_origin(path, origin)
-    return origin
+    return {f"sfkit.{entry}": str(metadata[f"sfkit.{entry}"]) for entry in _ENTRIES}
 
 
 def _texts(path: Path) -> Mapping[str, str]:

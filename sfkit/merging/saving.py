@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
+from sfkit.checkpoints.layouts import Layout
 from sfkit.checkpoints.targets import FileForm, form_of
 from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.errors import InputError
@@ -65,7 +67,14 @@ def save_merged(
     except InputError:
         written.unlink()  # its tensors come from before and after a change
         raise
-    if form_of(form) is FileForm.ORIGINAL and layout.container is None:
-        sidecar = written.with_name(written.name + ".recipe.json")
-        write_text(sidecar, json.dumps(metadata, indent=2))
+    write_beside(written, layout, metadata, form)
     return written
+
+
+def write_beside(
+    written: Path, layout: Layout, metadata: Mapping[str, str], form: FileForm | str = FileForm.ORIGINAL
+) -> None:
+    """Metadata that a bare torch state dict has no room for, as ``NAME.recipe.json``."""
+    if form_of(form) is FileForm.ORIGINAL and layout.container is None and metadata:
+        sidecar = written.with_name(written.name + ".recipe.json")
+        write_text(sidecar, json.dumps(dict(metadata), indent=2))

@@ -26,6 +26,7 @@ ROOMS = (
     "datasets",
     "merging",
     "evaluation",
+    "exporting",
     "training",
     "search",
     "published",
@@ -52,6 +53,7 @@ NARROW: dict[str, set[str]] = {
     "architectures": {"errors"},
     "datasets": {"errors", "files", "cards"},
     "merging": {"errors", "files", "cards", "checkpoints", "architectures"},  # it never sees an image
+    "exporting": {"errors", "files", "checkpoints", "architectures", "datasets", "merging", "evaluation"},
     "search": {"errors", "settings", "files", "streams", "cards", "merging", "evaluation"},
     "published": {"errors"},
     "editing": {"errors", "datasets", "merging", "evaluation"},

@@ -13,13 +13,14 @@ import torch
 from torch import nn
 
 from sfkit.architectures.anynet.convolution import Convolution, banded, direct
+from sfkit.architectures.portable import is_portable
 
 LAYERS = 6
 WIDEST_BAND = 8  # channels; wider layers fill the vector registers by themselves
 
 
 class Route(StrEnum):
-    """How a stack computes its convolutions; the results agree within rounding."""
+    """How a stack computes its convolutions; the results agree within rounding. Exports take PLAIN."""
 
     FAST = "fast"
     PLAIN = "plain"  # batch norm, ReLU and Conv3d one after the other: the reference of tests and benchmarks
@@ -42,7 +43,7 @@ class VolumeStack(nn.Sequential):
         maps = cost[:, None]
         units = [cast(_Unit, unit) for unit in self]
         convolve = banded if self.width <= WIDEST_BAND and cost.device.type == "cpu" else direct
-        if self.route is Route.PLAIN:
+        if self.route is Route.PLAIN or is_portable():
             for unit in units:
                 maps = unit(maps)
         elif self.training:

@@ -13,6 +13,8 @@ import torch.nn.functional as F
 from torch import nn
 from torch.autograd.function import once_differentiable
 
+from sfkit.architectures.portable import is_portable
+
 WIDTH = 8
 SCALE = 4  # the stage works at a quarter of the image size
 
@@ -49,7 +51,8 @@ def propagate(state: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
     """
     gates = gates * _open(gates)
     fresh = (1 - gates.sum(dim=1)) * state
-    columns = _Scan.apply(fresh.movedim(-1, 0), gates.movedim(-1, 0).movedim(2, 1))  # type: ignore[no-untyped-call]  # torch
+    run = _plain_scan if is_portable() else _Scan.apply
+    columns = run(fresh.movedim(-1, 0), gates.movedim(-1, 0).movedim(2, 1))
     return cast(torch.Tensor, columns).movedim(0, -1)
 
 
@@ -90,6 +93,36 @@ class _Scan(torch.autograd.Function):
         for i, neighbour in enumerate(_shifts(padded)):
             torch.mul(fresh[1:], neighbour[:-1], out=grad_gates[1:, i])
         return fresh, grad_gates
+
+
+def _plain_scan(fresh: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
+    """The same as an operator that stays one loop in an exported file, whatever the width."""
+    fresh, gates = fresh.contiguous(), gates.contiguous()
+    if torch.jit.is_tracing():  # type: ignore[attr-defined,no-untyped-call]  # as torch has it
+        return cast(torch.Tensor, torch.jit.script(_scripted_scan)(fresh, gates))
+    from torch._higher_order_ops import scan  # only exports need it
+
+    return cast(torch.Tensor, scan(_column, torch.zeros_like(fresh[0]), (fresh, gates))[1])
+
+
+def _column(
+    before: torch.Tensor, now: tuple[torch.Tensor, torch.Tensor]
+) -> tuple[torch.Tensor, torch.Tensor]:
+    fresh, gates = now
+    above, here, below = _shifts(F.pad(before, (1, 1)))
+    column = fresh + gates[0] * above + gates[1] * here + gates[2] * below
+    return column, column.clone()  # what is carried on and what is kept may not be one tensor
+
+
+def _scripted_scan(fresh: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
+    column = torch.zeros_like(fresh[0])
+    columns: list[torch.Tensor] = []
+    for t in range(fresh.shape[0]):
+        padded = F.pad(column, [1, 1])
+        above, below = padded[..., :-2], padded[..., 2:]
+        column = fresh[t] + gates[t, 0] * above + gates[t, 1] * column + gates[t, 2] * below
+        columns.append(column)
+    return torch.stack(columns)
 
 
 def _shifts(padded: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:

@@ -107,7 +107,7 @@ def _normalisation(name: str) -> Normalisation:
     constants=CONSTANTS,
     rename=renamer(SWIN_KEYS),
     check=checker(SWIN_KEYS, [RESNET_KEYS]),
-    version="1",
+    version="2",
 )
 def nmrf_swint(*, max_disp: int = DEFAULT_MAX_DISP, normalisation: str = Normalisation.NETWORK.value) -> NMRF:
     """NMRF with Swin-T and deformable neck: 32.5 M parameters, images in multiples of 32."""
@@ -121,7 +121,7 @@ def nmrf_swint(*, max_disp: int = DEFAULT_MAX_DISP, normalisation: str = Normali
     constants=CONSTANTS,
     rename=renamer(RESNET_KEYS),
     check=checker(RESNET_KEYS, [SWIN_KEYS]),
-    version="1",
+    version="2",
 )
 def nmrf_res(*, max_disp: int = DEFAULT_MAX_DISP, normalisation: str = Normalisation.NETWORK.value) -> NMRF:
     """NMRF with the residual encoder: 6.1 M parameters, images in multiples of 8."""

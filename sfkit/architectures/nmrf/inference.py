@@ -16,6 +16,7 @@ from torch import nn
 from sfkit.architectures.nmrf import windows
 from sfkit.architectures.nmrf.layers import EIGHTH_UNIT, LENGTH, QUARTER_UNIT, FeedForward, disparity_code
 from sfkit.architectures.nmrf.matching import UNARY_WIDTH, MatchingFeatures
+from sfkit.architectures.portable import is_portable
 
 HEADS = 4
 
@@ -86,7 +87,11 @@ class RelativeAttention(nn.Module):
         logits = q.flatten(2, 3) @ k.flatten(2, 3).transpose(-1, -2)
         logits = logits.reshape(HEADS, -1, T, N, T, N).add_(by_query[..., None]).add_(by_key[:, :, :, None])
         rivals = ~torch.eye(N, dtype=torch.bool, device=logits.device)
-        logits.diagonal(dim1=2, dim2=4).masked_fill_(rivals[:, :, None], -math.inf)
+        if is_portable():  # exporters know no writing to a diagonal
+            own = torch.eye(T, dtype=torch.bool, device=logits.device)[:, None, :, None]
+            logits = logits.masked_fill(own & rivals[:, None], -math.inf)
+        else:
+            logits.diagonal(dim1=2, dim2=4).masked_fill_(rivals[:, :, None], -math.inf)
         weights = logits.flatten(-2).softmax(-1)
         out = weights.flatten(2, 3) @ v.flatten(2, 3)
         by_position = self._per_position(weights.reshape(logits.shape).sum(-1)) @ value_code

@@ -10,6 +10,8 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
+from sfkit.architectures.portable import is_portable
+
 
 class FeedForward(nn.Module):
     """Linear, exact GELU, linear; (..., c_in) -> (..., c_out)."""
@@ -79,4 +81,7 @@ def lower_median(pixels: torch.Tensor, size: int) -> torch.Tensor:
     """Per size x size block the lower of the two middle values; (B, H, W) -> (B, H / size, W / size)."""
     batch, height, width = pixels.shape
     blocks = pixels.reshape(batch, height // size, size, width // size, size).transpose(2, 3)
-    return blocks.flatten(-2).median(-1).values
+    values = blocks.flatten(-2)
+    if is_portable():  # ONNX has no median
+        return values.sort(-1).values[..., (size * size - 1) // 2]
+    return values.median(-1).values

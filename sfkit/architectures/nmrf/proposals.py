@@ -52,14 +52,19 @@ def pick_seeds(prob: torch.Tensor, count: int) -> torch.Tensor:
 
     Bins that are no local maximum and exceed 1e-3 are set to exactly 1e-3, so plateaus survive whole
     and smaller bins rank below the suppressed ones. Ties are the rule where a pixel has fewer maxima
-    than ``count``; ``torch.topk`` does not define their order (NMRF does the same), so the seeds of
-    such pixels may differ between devices and PyTorch versions.
+    than ``count``: the smaller disparity comes first, on every device and in exported files. NMRF takes
+    ``torch.topk``, which does not define their order.
     """
     with torch.no_grad():
         flat = prob.reshape(-1, 1, prob.shape[-1])
         peak = F.max_pool1d(flat, 3, stride=1, padding=1).reshape(prob.shape)
         suppressed = (prob != peak) & (prob > SUPPRESSED)
-        return prob.masked_fill(suppressed, SUPPRESSED).topk(count, dim=-1).indices
+        rest = prob.masked_fill(suppressed, SUPPRESSED)
+        seeds: list[torch.Tensor] = []
+        for _ in range(count):
+            seeds.append(rest.argmax(-1, keepdim=True))  # of equal values the first
+            rest = rest.scatter(-1, seeds[-1], -1.0)
+        return torch.cat(seeds, -1)
 
 
 CONTEXT_WIDTH = 64

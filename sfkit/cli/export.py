@@ -1,0 +1,92 @@
+"""``sfkit export``: a network as a file that runs without sfkit."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sfkit.cli.options import ForceOption, JsonOption, emit, network_options
+from sfkit.errors import InputError
+from sfkit.exporting.export import ENDINGS, check_target, export_network, form_of
+
+_SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
+
+
+def export(
+    file: Annotated[Path, typer.Argument(help="A merged network, or a checkpoint.", show_default=False)],
+    out: Annotated[
+        Path | None, typer.Option("--out", "-o", help="The file to write.", show_default="beside the network")
+    ] = None,
+    form: Annotated[str, typer.Option("--format", "-f", help="onnx, torch, torchscript or pth.")] = "onnx",
+    size: Annotated[
+        str | None,
+        typer.Option(help="HEIGHTxWIDTH of the images.", show_default="the pair's, or 384x1248"),
+    ] = None,
+    dynamic: Annotated[bool, typer.Option("--dynamic", help="Take images of any size.")] = False,
+    left: Annotated[
+        Path | None, typer.Option("--left", "-l", help="Left image to check the file on.")
+    ] = None,
+    right: Annotated[Path | None, typer.Option("--right", "-r", help="Its right image.")] = None,
+    architecture: Annotated[
+        str | None, typer.Option(help="For a checkpoint that does not say its architecture.")
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
+    ] = None,
+    force: ForceOption = False,
+    json: JsonOption = False,
+) -> int:
+    """Write a network as ONNX, torch.export, TorchScript or a plain checkpoint, checked on a pair.
+
+    \b
+    Examples:
+      sfkit export merged.safetensors --size 384x1248
+      sfkit export merged.safetensors --dynamic -l im0.png -r im1.png -o stereo.onnx
+    """
+    from sfkit.datasets.images import read_image
+
+    kind = form_of(form)
+    out = out if out is not None else file.with_suffix(ENDINGS[kind][0])
+    check_target(out, kind, overwrite=force)
+    if (left is None) != (right is None):
+        raise InputError("--left and --right: found one of them, expected both images of a pair")
+    pair = None if left is None or right is None else (read_image(left), read_image(right))
+    exported = export_network(
+        file,
+        out,
+        form=kind,
+        size=_size(size),
+        dynamic=dynamic,
+        pair=pair,
+        architecture=architecture,
+        options=network_options(option),
+        overwrite=force,
+    )
+    taken = (
+        f"{exported.size[0]}x{exported.size[1]} (height x width)"
+        if exported.size
+        else f"any size in multiples of {exported.multiple}"
+    )
+    lines = [
+        f"{exported.path}: {kind.value}, images of {taken}",
+        f"beside the network on a pair of {exported.pair[0]}x{exported.pair[1]}: largest difference "
+        f"{exported.largest:.2g} px, 99 % of pixels within {exported.percentile99:.2g} px",
+    ]
+    if not exported.agrees:
+        lines.append("this file does not compute what the network does: do not deploy it")
+    emit(asdict(exported) | {"agrees": exported.agrees}, "\n".join(lines), as_json=json)
+    return 0 if exported.agrees else 1
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    match = _SIZE.fullmatch(text)
+    if match is None:
+        raise InputError(f"--size: found {text!r}, expected HEIGHTxWIDTH such as 384x1248")
+    return int(match[1]), int(match[2])

@@ -1,0 +1,109 @@
+"""The network as an exported file holds it: raw images in, disparity out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from numpy.typing import NDArray
+from torch import nn
+
+from sfkit.architectures.inputs import InputConvention
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Which images an exported file takes.
+
+    Attributes:
+        fixed: (height, width) of every image, padded inside; None for any size that ``multiple`` divides,
+            padded by the caller.
+        multiple: what height and width must be divisible by where they are not fixed.
+    """
+
+    fixed: tuple[int, int] | None
+    multiple: int
+
+    def dynamic_shapes(self) -> tuple[dict[int, Any], dict[int, Any]] | None:
+        """What ``torch.export`` wants to know of both images: one height and width, in whole multiples."""
+        if self.fixed is not None:
+            return None
+        height, width = (torch.export.Dim(name, min=2, max=4096) for name in ("height", "width"))
+        image = (
+            {2: self.multiple * height, 3: self.multiple * width}
+            if self.multiple > 1
+            else {2: height, 3: width}
+        )
+        return image, dict(image)
+
+
+class DeployedNetwork(nn.Module):
+    """RGB images (1, 3, H, W) of 0 .. 255, float32 -> disparity of the left one (1, H, W) in pixels.
+
+    Scale, mean and deviation are applied here; so is the padding of images of a fixed size.
+    """
+
+    mean: torch.Tensor
+    std: torch.Tensor
+
+    def __init__(self, network: nn.Module, inputs: InputConvention, sizes: Sizes) -> None:
+        super().__init__()
+        self.network = network
+        self.scale = inputs.scale
+        self.register_buffer("mean", torch.tensor(inputs.mean)[:, None, None])
+        self.register_buffer("std", torch.tensor(inputs.std)[:, None, None])
+        self.window = None if sizes.fixed is None else inputs.window(*sizes.fixed)
+
+    def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+        """As the class says."""
+        output: torch.Tensor = self.network(self._prepared(left), self._prepared(right))
+        disparity = output[:, 0] if output.ndim == 4 else output
+        return disparity if self.window is None else self.window[0].crop(disparity)
+
+    def _prepared(self, image: torch.Tensor) -> torch.Tensor:
+        x = (image * self.scale - self.mean) / self.std
+        if self.window is None:
+            return x
+        window, (height, width) = self.window
+        right, bottom = width - window.left - window.width, height - window.top - window.height
+        sides = (window.left, right, window.top, bottom)
+        return F.pad(x, sides, mode="replicate") if any(sides) else x
+
+
+@dataclass(frozen=True)
+class Fed:
+    """A pair as an exported file is fed with it: (1, 3, H, W) float32 of 0 .. 255 each, and where it lies."""
+
+    left: torch.Tensor
+    right: torch.Tensor
+    rows: slice
+    columns: slice
+
+    @classmethod
+    def of(
+        cls, left: NDArray[np.uint8], right: NDArray[np.uint8], inputs: InputConvention, sizes: Sizes
+    ) -> Fed:
+        """Two (H, W, 3) uint8 images; padded here, by their edges, where the file does not pad."""
+        height, width = left.shape[:2]
+        if sizes.fixed is not None:
+            return cls(_tensor(left), _tensor(right), slice(None), slice(None))
+        window, (tall, wide) = inputs.window(height, width)
+        margins = (
+            (window.top, tall - window.top - height),
+            (window.left, wide - window.left - width),
+            (0, 0),
+        )
+        first, second = (_tensor(np.pad(image, margins, mode="edge")) for image in (left, right))
+        rows = slice(window.top, window.top + height)
+        return cls(first, second, rows, slice(window.left, window.left + width))
+
+    def crop(self, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(1, H, W) as the file returns it -> (height, width) of the images."""
+        return disparity[0, self.rows, self.columns]
+
+
+def _tensor(image: NDArray[np.uint8]) -> torch.Tensor:
+    return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)[None])).float()
