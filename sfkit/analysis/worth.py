@@ -10,7 +10,7 @@ from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.costs import MethodCost
 from sfkit.analysis.judgement import Judgement
 from sfkit.analysis.measured import Measured, measure_with
-from sfkit.baselines import BaselineRun
+from sfkit.baselines import BaselineRun, Network
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
 
@@ -23,6 +23,8 @@ def compare_methods(
     reference: str = "Stage 1+2",
 ) -> NetworkComparison:
     """The networks of a run on benchmarks, each under its evaluator's metric, against one of them.
+
+    A method that drew several networks is one row, and their spread belongs to its intervals.
 
     Args:
         run: what :func:`~sfkit.baselines.run_baselines` found.
@@ -39,15 +41,27 @@ def compare_methods(
             f"methods: found {len(evaluators)} benchmarks and {', '.join(labels)}, "
             f"expected a benchmark and {reference!r} among the methods"
         )
+    drawn = {
+        r.label: [f"{r.label}, draw {number}" for number in range(len(r.draws))]
+        for r in run.results.values()
+        if len(r.draws) > 1
+    }
+    networks = {
+        name: network
+        for r in run.results.values()
+        for name, network in zip(
+            drawn.get(r.label, [r.label]), r.draws or (Network(r.pool, r.recipe),), strict=True
+        )
+    }
     found: list[Measured] = []
     for evaluator in evaluators:
         parts = [
-            measure_with([evaluator.with_pool(r.pool)], {r.label: r.recipe}, validation=validation)[0]
-            for r in run.results.values()
+            measure_with([evaluator.with_pool(one.pool)], {name: one.recipe}, validation=validation)[0]
+            for name, one in networks.items()
         ]
         images = {name: one.of(name) for one in parts for name in one.networks}
         found.append(replace(parts[0], images=images))
-    return compare_networks(found, reference)
+    return compare_networks(found, reference, seeds=drawn)
 
 
 def method_costs(run: BaselineRun) -> tuple[MethodCost, ...]:

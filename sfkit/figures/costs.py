@@ -73,7 +73,7 @@ def method_cost_figure(
     methods = [cost.method for cost in costs]
     parts = (
         (ACCENT, [cost.evaluations for cost in costs], "evaluations on validation (number)", ",.0f"),
-        (WARM, [cost.seconds for cost in costs], "time of computing (s)", ".1f"),
+        (WARM, [cost.seconds for cost in costs], "wall time (s)", ".1f"),
     )
     for col, (colour, values, title, form) in enumerate(parts, start=1):
         figure.add_trace(

@@ -10,7 +10,7 @@ import pytest
 from measured_records import measured
 from tiny import write_pairs, write_pool
 
-from sfkit.analysis import Measured, compare_networks, measure_recipes
+from sfkit.analysis import Measured, compare_networks, measure_recipes, paired_difference
 from sfkit.datasets import open_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, score_recipes
@@ -134,3 +134,28 @@ def test_measured_recipes_score_what_the_table_of_scores_says(tmp_path: Path) ->
     for _, row in table.iterrows():
         one = next(one for one in found if one.benchmark == row["benchmark"])
         assert one.score(row["network"], metric=row["metric"]) == row["score"]
+
+
+def test_tables_of_methods_that_differ_by_chance_alone_claim_nothing_in_19_of_20() -> None:
+    """Eight images on each of two tests; base, four networks, and three methods of five seeds each."""
+    rng = np.random.default_rng(12)
+    seeds = {f"method {m}": [f"method {m}, seed {s}" for s in range(5)] for m in range(3)}
+    runs = [run for found in seeds.values() for run in found]
+    claimed = blind = 0
+    for _ in range(60):
+        level = dict(zip(runs, rng.normal(0.0, 4.0, len(runs)), strict=True))
+        tests = []
+        for name in ("near", "far"):
+            hard = rng.normal(40.0, 8.0, 8)
+            bad = {
+                network: np.clip(np.rint(hard + level.get(network, 0.0) + rng.normal(0.0, 3.0, 8)), 0, 100)
+                for network in ("base", "a", "b", "c", "d", *runs)
+            }
+            counts = {network: [int(value) for value in row] for network, row in bad.items()}
+            tests.append(measured(counts, name=name))
+        rows = compare_networks(tests, "method 2", seeds=seeds).rows
+        claimed += any(row.difference is not None and row.difference.within_noise is False for row in rows)
+        alone = paired_difference(tests, "method 0, seed 0", "method 2, seed 0")
+        blind += alone.within_noise is False
+    assert claimed / 60 <= 0.05 + 0.05, "0.05: of a Monte Carlo of 60"
+    assert blind / 60 > 0.3, "images alone, and one seed, would claim much"

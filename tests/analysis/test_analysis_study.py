@@ -7,6 +7,8 @@ from flat_world import benchmark, flat_spec
 
 from sfkit import EvaluationStore, InputError, Recipe, open_pool
 from sfkit.analysis import Experiment, Study, Support, environment, recipe_table, study, summary
+from sfkit.analysis.worth import compare_methods
+from sfkit.baselines import run_baselines
 from sfkit.editing import mark_hand_edit
 
 LEVELS = {"one": 1.0, "five": 5.0, "ten": 10.0}
@@ -179,3 +181,13 @@ def test_what_draws_is_drawn_as_often_as_the_stages_have_seeds(experiment: Exper
     one = drawn.comparison.row("DARE").difference
     assert one is not None
     assert one.interval is not None
+
+
+def test_a_method_that_drew_is_judged_by_all_its_draws(experiment: Experiment) -> None:
+    settings = {"dare": {"probabilities": (0.5,), "draws": 2}}
+    scorer = experiment.scorer()
+    run = run_baselines(experiment.pool, scorer, ["uniform", "dare"], settings=settings)
+    row = compare_methods(run, [scorer], validation=["guide"], reference="uniform").row("DARE")
+    assert row.spread is not None
+    assert len(row.spread.values) == 2
+    assert row.guided == pytest.approx(row.spread.mean)
