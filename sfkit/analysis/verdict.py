@@ -14,124 +14,18 @@ The rule, one for every result of sfkit:
 
 from __future__ import annotations
 
-import enum
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 
-from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, PairedEstimate, holm, paired_estimate
-from sfkit.analysis.labels import points, score_text
+from sfkit.analysis.intervals import FEWEST_IMAGES, PairedEstimate, holm, paired_estimate
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import runs_on_images
-from sfkit.datasets.metric import Metric
-from sfkit.errors import InputError, unknown_name
+from sfkit.analysis.verdict_records import Against, Support, Verdict
+from sfkit.analysis.verdict_words import with_reason
+from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe
 
-
-class Support(enum.Enum):
-    """How the evidence stands to the recommended network."""
-
-    SHOWN = "shown"
-    """Benchmarks that guided nothing show it better than the simpler network."""
-    UNDECIDED = "undecided"
-    """They cannot tell the two apart, or there are none."""
-    OVERRULED = "overruled"
-    """Validation preferred another, and they show that one worse."""
-
-
-@dataclass(frozen=True)
-class Against:
-    """The network validation prefers beside a simpler one.
-
-    Attributes:
-        simpler: the simpler network's name.
-        validation: score minus the simpler one's on validation; None where it has no score.
-        tests: the same on the mean of what guided nothing; None where there is none.
-        p: of ``tests``, corrected for all networks that were compared (Holm); NaN where it has no interval.
-    """
-
-    simpler: str
-    validation: PairedEstimate | None
-    tests: PairedEstimate | None
-    p: float
-
-    @property
-    def told_apart(self) -> bool:
-        """Whether validation prefers the other by more than one standard error."""
-        return self.validation is not None and -self.validation.value > self.validation.error
-
-    @property
-    def refuted(self) -> bool:
-        """Whether the tests show the simpler network better."""
-        return self.tests is not None and self.tests.value > 0.0 and self.p < 1.0 - LEVEL
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether the tests show the simpler network worse."""
-        return self.tests is not None and self.tests.value < 0.0 and self.p < 1.0 - LEVEL
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What to deploy.
-
-    Attributes:
-        recommended: the network's name.
-        preferred: the one validation prefers; another where the tests overrule it.
-        simplest: the simplest network that validation cannot tell from ``preferred``; None where it tells
-            ``preferred`` from every simpler one.
-        support: what the tests say.
-        compared: ``preferred`` beside every simpler network.
-        candidates: among how many networks validation chose.
-        validation: its benchmarks' names.
-        pairs: how many pairs these have.
-        tests: names of the benchmarks that guided nothing.
-        metric: what the scores are.
-        score: of ``recommended`` on validation, the mean over its benchmarks.
-        reason: why, in plain sentences, the most important first.
-    """
-
-    recommended: str
-    preferred: str
-    simplest: str | None
-    support: Support
-    compared: tuple[Against, ...]
-    candidates: int
-    validation: tuple[str, ...]
-    pairs: int
-    tests: tuple[str, ...]
-    metric: str
-    score: float
-    reason: tuple[str, ...]
-
-    @property
-    def sentence(self) -> str:
-        """The verdict in one paragraph."""
-        return " ".join(self.reason)
-
-    def __str__(self) -> str:
-        return self.sentence
-
-    def against(self, simpler: str) -> Against:
-        """``preferred`` beside one simpler network.
-
-        Raises:
-            InputError: it was not compared with it.
-        """
-        for one in self.compared:
-            if one.simpler == simpler:
-                return one
-        raise unknown_name("simpler network", simpler, [one.simpler for one in self.compared])
-
-    def as_dict(self) -> dict[str, object]:
-        """Plain values, for ``result.json``."""
-        return {
-            "recommended": self.recommended,
-            "preferred_by_validation": self.preferred,
-            "simplest_not_told_apart": self.simplest,
-            "support": self.support.value,
-            "sentence": self.sentence,
-        }
+__all__ = ["Against", "Support", "Verdict", "estimate_between", "simplicity", "verdict"]
 
 
 def simplicity(recipe: Recipe) -> tuple[int, int]:
@@ -200,7 +94,7 @@ def verdict(
         able[recommended],
         (),
     )
-    return _with_reason(found, unlike, rungs, evaluations or {})
+    return with_reason(found, unlike, evaluations or {})
 
 
 def estimate_between(measured: Sequence[Measured], network: str, reference: str) -> PairedEstimate | None:
@@ -240,70 +134,6 @@ def _next(rungs: Mapping[str, tuple[int, int]], scores: Mapping[str, float], pre
     """The simpler network that validation likes second; None where there is no simpler one."""
     simpler = [name for name, rung in rungs.items() if rung < rungs[preferred]]
     return min(simpler, key=lambda name: (scores[name], rungs[name])) if simpler else None
-
-
-def _with_reason(
-    found: Verdict,
-    unlike: str | None,
-    rungs: Mapping[str, tuple[int, int]],
-    evaluations: Mapping[str, int],
-) -> Verdict:
-    said = [*_first(found, rungs), *_second(found, unlike)]
-    if unlike is not None and {unlike, found.preferred} <= evaluations.keys():
-        more = evaluations[found.preferred] - evaluations[unlike]
-        if more > 0:
-            said.append(f"Finding {found.preferred} took {more:,} evaluations more than {unlike}.")
-    return replace(found, reason=tuple(said))
-
-
-def _first(found: Verdict, rungs: Mapping[str, tuple[int, int]]) -> list[str]:
-    """What to deploy; where the tests contradict validation, that comes first."""
-    guide = f"{' and '.join(found.validation)} ({found.pairs} pair{'s' * (found.pairs != 1)})"
-    if found.support is Support.OVERRULED:
-        what = "Stage 2" if rungs[found.preferred][0] == 3 else found.preferred
-        against = found.against(found.recommended)
-        assert against.tests is not None
-        return [
-            f"{what} is not supported here: take {found.recommended}.",
-            f"{found.preferred} scores lowest on {guide}, which chose it, but on what guided nothing "
-            f"({', '.join(found.tests)}) it is worse than {found.recommended} by "
-            f"{_difference(against.tests, found.metric)}.",
-        ]
-    among = f", chosen among {found.candidates} networks there" if found.candidates > 1 else ""
-    return [f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}{among}."]
-
-
-def _second(found: Verdict, unlike: str | None) -> list[str]:
-    """The simpler network beside it, on validation and on tests."""
-    if unlike is None or found.support is Support.OVERRULED:
-        return []
-    against = found.against(unlike)
-    shown = "" if against.validation is None else f" ({_difference(against.validation, found.metric)})"
-    if found.pairs < FEWEST_IMAGES * len(found.validation):
-        said = [f"So few pairs cannot tell it from {unlike}, which is simpler{shown}."]
-    elif found.simplest is not None:
-        said = [f"Validation cannot tell it from {unlike}, which is simpler{shown}."]
-    else:
-        said = [f"Validation tells it from every simpler network, the nearest being {unlike}{shown}."]
-    if against.tests is None:
-        said.append("No benchmark is left that guided nothing, so that nothing here is a test.")
-    else:
-        word = (
-            "better than" if against.confirmed else "worse than" if against.refuted else "not told apart from"
-        )
-        said.append(
-            f"On what guided nothing ({', '.join(found.tests)}) it is {word} {unlike}: "
-            f"{_difference(against.tests, found.metric)}."
-        )
-    return said
-
-
-def _difference(estimate: PairedEstimate, metric: str) -> str:
-    unit = points(Metric.parse(metric).unit)
-    if math.isinf(estimate.error):
-        return f"{estimate.value:+.2f} {unit}, no interval from one pair"
-    low, high = estimate.interval()
-    return f"{estimate.value:+.2f} {unit}, {100 * LEVEL:.0f} % interval {low:+.2f} to {high:+.2f}"
 
 
 def _mean(values: Sequence[float]) -> float:

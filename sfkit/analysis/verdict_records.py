@@ -1,0 +1,115 @@
+"""A verdict as a record: what is recommended, what it was compared with, what the tests say."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from sfkit.analysis.intervals import LEVEL, PairedEstimate
+from sfkit.errors import unknown_name
+
+
+class Support(enum.Enum):
+    """How the evidence stands to the recommended network."""
+
+    SHOWN = "shown"
+    """Benchmarks that guided nothing show it better than the simpler network."""
+    UNDECIDED = "undecided"
+    """They cannot tell the two apart, or there are none."""
+    OVERRULED = "overruled"
+    """Validation preferred another, and they show that one worse."""
+
+
+@dataclass(frozen=True)
+class Against:
+    """The network validation prefers beside a simpler one.
+
+    Attributes:
+        simpler: the simpler network's name.
+        validation: score minus the simpler one's on validation; None where it has no score.
+        tests: the same on the mean of what guided nothing; None where there is none.
+        p: of ``tests``, corrected for all networks that were compared (Holm); NaN where it has no interval.
+    """
+
+    simpler: str
+    validation: PairedEstimate | None
+    tests: PairedEstimate | None
+    p: float
+
+    @property
+    def told_apart(self) -> bool:
+        """Whether validation prefers the other by more than one standard error."""
+        return self.validation is not None and -self.validation.value > self.validation.error
+
+    @property
+    def refuted(self) -> bool:
+        """Whether the tests show the simpler network better."""
+        return self.tests is not None and self.tests.value > 0.0 and self.p < 1.0 - LEVEL
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the tests show the simpler network worse."""
+        return self.tests is not None and self.tests.value < 0.0 and self.p < 1.0 - LEVEL
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What to deploy.
+
+    Attributes:
+        recommended: the network's name.
+        preferred: the one validation prefers; another where the tests overrule it.
+        simplest: the simplest network that validation cannot tell from ``preferred``; None where it tells
+            ``preferred`` from every simpler one.
+        support: what the tests say.
+        compared: ``preferred`` beside every simpler network.
+        candidates: among how many networks validation chose.
+        validation: its benchmarks' names.
+        pairs: how many pairs these have.
+        tests: names of the benchmarks that guided nothing.
+        metric: what the scores are.
+        score: of ``recommended`` on validation, the mean over its benchmarks.
+        reason: why, in plain sentences, the most important first.
+    """
+
+    recommended: str
+    preferred: str
+    simplest: str | None
+    support: Support
+    compared: tuple[Against, ...]
+    candidates: int
+    validation: tuple[str, ...]
+    pairs: int
+    tests: tuple[str, ...]
+    metric: str
+    score: float
+    reason: tuple[str, ...]
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one paragraph."""
+        return " ".join(self.reason)
+
+    def __str__(self) -> str:
+        return self.sentence
+
+    def against(self, simpler: str) -> Against:
+        """``preferred`` beside one simpler network.
+
+        Raises:
+            InputError: it was not compared with it.
+        """
+        for one in self.compared:
+            if one.simpler == simpler:
+                return one
+        raise unknown_name("simpler network", simpler, [one.simpler for one in self.compared])
+
+    def as_dict(self) -> dict[str, object]:
+        """Plain values, for ``result.json``."""
+        return {
+            "recommended": self.recommended,
+            "preferred_by_validation": self.preferred,
+            "simplest_not_told_apart": self.simplest,
+            "support": self.support.value,
+            "sentence": self.sentence,
+        }
