@@ -5,7 +5,10 @@ PYTHON ?= python3
 JOBS ?= 2
 # How often `make soak` kills a search (and a twentieth of that in each parallel engine), and the tests it runs.
 KILLS ?= 1000
+# How many damaged files `make soak` hands to each reader; `make test` takes 50.
+FUZZ ?= 2000
 SOAK := tests/search/test_search_killed.py tests/search/test_search_killed_engines.py
+SOAK += tests/outside/test_outside_fuzz.py
 # More for pytest, for instance: make test PYTEST="-k pool"
 PYTEST ?=
 
@@ -37,8 +40,8 @@ test: $(INSTALLED) ## run all tests
 peers: $(PEERS) ## cross-check merging against mergekit, in its own environment
 	.venv-peers/bin/python -m pytest tests/peers $(PYTEST)
 
-soak: $(INSTALLED) ## kill searches at many more random moments; KILLS=1000 unless said otherwise
-	SFKIT_KILLS=$(KILLS) SFKIT_ENGINE_KILLS=$$(( ($(KILLS) + 19) / 20 )) SFKIT_KILLS_SEED=$$(date +%s) \
+soak: $(INSTALLED) ## kill searches at many more random moments, damage many more files; KILLS=1000, FUZZ=2000
+	SFKIT_FUZZ=$(FUZZ) SFKIT_KILLS=$(KILLS) SFKIT_ENGINE_KILLS=$$(( ($(KILLS) + 19) / 20 )) SFKIT_KILLS_SEED=$$(date +%s) \
 	  $(BIN)/python -m pytest --slow -n $(JOBS) $(SOAK) $(PYTEST)
 
 lint: $(INSTALLED) ## check style, types, and that notebooks carry no outputs

@@ -80,6 +80,14 @@ def signature(path: Path) -> Signature:
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file of that name; no name that the system cannot have is one."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # too long, or with a NUL
+        return False
+
+
 def unwritable(folder: Path) -> Path | None:
     """What keeps ``folder`` from being made or written to; None where nothing does.
 

@@ -17,7 +17,7 @@ import inspect
 import os
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeVar
@@ -64,6 +64,7 @@ class Architecture:
         code: the user's file that registered it, None for what is imported by name.
         checkout: options -> digest of the user's checkout that it is built from; part of every key.
         places: options that name folders: they say where, not what, and are no part of keys.
+        advice: globs of keys -> what to do where a checkpoint lacks them.
     """
 
     name: str
@@ -86,6 +87,7 @@ class Architecture:
     code: Code | None = None
     checkout: Callable[[Options], str] | None = None
     places: tuple[str, ...] = ()
+    advice: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def version(self) -> str:
@@ -99,6 +101,12 @@ class Architecture:
     def is_optional(self, key: str) -> bool:
         """True for a key a checkpoint may lack, or have though the options leave that part out."""
         return any(fnmatchcase(key, pattern) for pattern in self.optional)
+
+    def advice_for(self, missing: Iterable[str]) -> str:
+        """What to do about a checkpoint without these keys, after a semicolon; nothing where nobody knows."""
+        lacking = tuple(missing)
+        known = (a for glob, a in self.advice.items() if any(fnmatchcase(key, glob) for key in lacking))
+        return "".join(f"; {advice}" for advice in known)
 
     def is_frozen(self, key: str) -> bool:
         """True for a key that fine-tuning is known to leave as it is."""
@@ -149,6 +157,7 @@ def register_architecture(
     resolution: int = 1,
     checkout: Callable[[Options], str] | None = None,
     places: Iterable[str] = (),
+    advice: Mapping[str, str] | None = None,
     version: str | None = None,
 ) -> Callable[[Builder], Builder]:
     """Register an ``nn.Module`` class, or a function that builds one, under ``name``.
@@ -198,6 +207,7 @@ def register_architecture(
             matching=matching,
             checkout=checkout,
             places=tuple(places),
+            advice=dict(advice or {}),
         )
         return builder
 

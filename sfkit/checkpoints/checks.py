@@ -12,6 +12,8 @@ import torch
 from sfkit.checkpoints.fingerprints import COUNTER
 from sfkit.errors import InputError, nearest
 
+WEIGHTS = (torch.float16, torch.bfloat16, torch.float32, torch.float64)
+
 
 class Kind(StrEnum):
     """What a tensor is to a merge."""
@@ -100,7 +102,7 @@ def check_keys(
 
 
 def check_values(path: Path, key: str, tensor: torch.Tensor) -> None:
-    """Refuse values that are not finite.
+    """Refuse values that are not finite, and variances below 0.
 
     Raises:
         InputError: names the key and counts the values.
@@ -115,6 +117,43 @@ def check_values(path: Path, key: str, tensor: torch.Tensor) -> None:
             f"{path}: {key!r} holds {count} values that are not finite, expected finite weights: "
             "the training that wrote it diverged"
         )
+    if key.rpartition(".")[2] == "running_var" and float(ends[0]) < 0:
+        raise InputError(
+            f"{path}: {key!r} holds {int((tensor < 0).sum())} variances below 0, expected none: was it made "
+            "by a method that does not keep them positive?"
+        )
+
+
+def check_types(path: Path, found: Mapping[str, torch.Tensor], expected: Iterable[TensorSpec]) -> None:
+    """Refuse tensors that are no plain numbers, or whole numbers where weights are expected.
+
+    Raises:
+        InputError: names the key and what was found.
+    """
+    for spec in expected:
+        tensor = found.get(spec.key)
+        if tensor is None:
+            continue
+        kind = _not_plain(tensor)
+        if kind is None and spec.kind is not Kind.CONSTANT and tensor.dtype not in WEIGHTS:
+            kind = f"of {str(tensor.dtype).removeprefix('torch.')}"
+        if kind is not None:
+            raise InputError(
+                f"{path}: {spec.key!r} is {kind}, expected float16, bfloat16, float32 or float64 values: "
+                "convert it where it was trained and save it again"
+            )
+
+
+def _not_plain(tensor: torch.Tensor) -> str | None:
+    if tensor.layout != torch.strided:
+        return f"a sparse tensor ({str(tensor.layout).removeprefix('torch.')})"
+    if tensor.is_meta:
+        return "without values (on the meta device)"
+    if tensor.is_quantized:
+        return "quantised"
+    if tensor.is_complex() or (tensor.is_floating_point() and tensor.dtype not in WEIGHTS):
+        return f"of {str(tensor.dtype).removeprefix('torch.')}"
+    return None
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,8 @@ def unwrap(
     beside: dict[str, float | str] = {}
     if found is not None and isinstance(content, Mapping):
         beside = {key: value for key, value in content.items() if _is_plain(key, value)}
-    tensors = {str(key): value for key, value in state.items() if isinstance(value, torch.Tensor)}
+    # A file may hold parameters, which are made for training: their values are meant.
+    tensors = {str(key): value.detach() for key, value in state.items() if isinstance(value, torch.Tensor)}
     prefix = common_prefix(tensors)
     return {key[len(prefix) :]: tensor for key, tensor in tensors.items()}, Layout(
         found, prefix, beside=beside

@@ -6,7 +6,6 @@ pool needs does not grow with its number of sources.
 
 from __future__ import annotations
 
-import json
 import pickle
 import re
 import zipfile
@@ -17,11 +16,13 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError, safe_open
 
+from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.headers import INDEX, SAFETENSORS, SUFFIXES, TORCH_SUFFIXES, is_checkpoint_name
 from sfkit.checkpoints.inert import load_inert
 from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
 from sfkit.errors import InputError, nearest
-from sfkit.files import Signature, signature
+from sfkit.files import Signature, is_file, signature
+from sfkit.outside import parse_json, read_json
 
 MAX_INDEX_BYTES = 64 * 2**20
 
@@ -61,7 +62,7 @@ def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> Check
         InputError: the file is missing, of another kind, truncated, or holds no state dict.
     """
     path, wrapping = Path(path), wrapping or Wrapping()
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"{path}: no such file, expected a checkpoint{_nearest_file(path)}")
     looks = {path: signature(path)}  # before it is read: whatever is written meanwhile shows later
     if path.name.endswith(INDEX):
@@ -108,7 +109,7 @@ def _read_shards(path: Path, looks: dict[Path, Signature]) -> CheckpointFile:
         if Path(name).name != name:
             raise InputError(f"{path}: names the file {name!r}, expected files of its own folder")
         shard = path.with_name(name)
-        if not shard.is_file():
+        if not is_file(shard):
             raise InputError(f"{path}: names {name}, which is not there, expected every part of the network")
         looks[shard] = signature(shard)
         tensors, _ = _safe_tensors(shard)
@@ -129,10 +130,7 @@ def _read_shards(path: Path, looks: dict[Path, Signature]) -> CheckpointFile:
 def _index(path: Path) -> dict[str, str]:
     if path.stat().st_size > MAX_INDEX_BYTES:
         raise InputError(f"{path}: is {path.stat().st_size} bytes long, expected an index of tensors")
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{path}: no JSON ({error}), expected an index of safetensors files") from error
+    content = read_json(path, "expected an index of safetensors files")
     places = content.get("weight_map") if isinstance(content, dict) else None
     if not isinstance(places, dict) or not places or not all(isinstance(v, str) for v in places.values()):
         raise InputError(
@@ -168,10 +166,7 @@ def _own_metadata(path: Path, content: object) -> dict[str, str]:
     held = content.get(OWN) if isinstance(content, Mapping) else None
     if not isinstance(held, str):
         return {}
-    try:
-        values = json.loads(held)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: its sfkit entry is no JSON ({error}), was it edited?") from error
+    values = parse_json(held, f"{path}: its sfkit entry", "was it edited?")
     return {str(k): str(v) for k, v in values.items()} if isinstance(values, dict) else {}
 
 
@@ -189,3 +184,9 @@ def _refusal(path: Path, message: str) -> str:
 def _first_sentence(text: str) -> str:
     """Torch's own messages go on with advice for its developers."""
     return re.split(r"[.!?]\s|\n", text.strip(), maxsplit=1)[0]
+
+
+def content_of(tensors: Mapping[str, torch.Tensor]) -> str:
+    """The fingerprint of a file's tensors, whatever wrappers put before their keys."""
+    prefix = common_prefix(tensors)
+    return fingerprint({key[len(prefix) :]: tensor_digest(tensor) for key, tensor in tensors.items()})

@@ -33,7 +33,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -41,11 +40,14 @@ from typing import Any
 
 from sfkit.checkpoints.layouts import Wrapping
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import read_toml
 
 _WRAPPING = ("container", "prefix")
 _KEYS = ("name", "architecture", "module", "root", "options", "base", "sources", "blocks", *_WRAPPING)
 _MEMBER_KEYS = ("file", "licence", "note", *_WRAPPING)
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+ROWS = ("base", "uniform")
+"""What tables and merged files call other networks than sources."""
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,14 @@ class PoolSpec:
     partition: str | None = None
     module: Path | None = None
 
+    def __post_init__(self) -> None:
+        for source in self.sources:
+            if source.name in ROWS or "+" in source.name:
+                raise InputError(
+                    f"{self.path or f'pool {self.name!r}'}: source name {source.name!r}, expected another: "
+                    "tables call the base and merges so (base, uniform, a+b)"
+                )
+
 
 def read_pool_spec(path: str | Path) -> PoolSpec:
     """Read and check a ``pool.toml``.
@@ -90,11 +100,7 @@ def read_pool_spec(path: str | Path) -> PoolSpec:
         path = path / "pool.toml"
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a pool.toml that names a base and its sources")
-    try:
-        values = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not TOML ({error}), expected a pool description") from error
-    return _spec(values, path)
+    return _spec(read_toml(path, "expected a pool description"), path)
 
 
 def _spec(values: dict[str, Any], path: Path) -> PoolSpec:
@@ -141,13 +147,16 @@ def _root(text: object, path: Path) -> Path:
 
 def _member(name: str, entry: object, root: Path, path: Path, where: str, common: Wrapping) -> Member:
     if not _NAME.fullmatch(name):
-        raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . + - only")
+        raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
     if not isinstance(entry, dict):
         raise InputError(f"{path}: {where} is {entry!r}, expected a table with file and licence")
     for key in entry:
         if key not in _MEMBER_KEYS:
             raise unknown_name(f"key of [{where}] in {path}", key, _MEMBER_KEYS)
-    file = Path(os.path.normpath(root / _text(entry, "file", path, where)))
+    text = _text(entry, "file", path, where)
+    if "\0" in text:
+        raise InputError(f"{path}: {where}.file is {text!r}, expected a path")
+    file = Path(os.path.normpath(root / text))
     if not file.is_relative_to(root) or not file.resolve().is_relative_to(_reach(root)):
         raise InputError(
             f"{path}: {where}.file {entry['file']!r} leaves the root {root}, expected a path under it"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from types import UnionType
@@ -11,8 +10,8 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import typer
 
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import read_toml
 
-LARGEST = 1_000_000  # bytes; no file of settings comes near it
 _WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false", Path: "a path"}
 
 
@@ -35,7 +34,7 @@ def read_config(path: Path, context: typer.Context, types: Mapping[str, Any]) ->
             flags |= {_name(flag): (option.name, True) for flag in option.secondary_opts}
     flags = {name: where for name, where in flags.items() if len(name) > 1}  # no -r for --root
     found: dict[str, Any] = {}
-    for key, value in _toml(path).items():
+    for key, value in read_toml(path, "expected lines such as seed = 1").items():
         if key not in flags:
             raise InputError(f"{path}: {unknown_name('option', key, flags)}")
         parameter, negated = flags[key]
@@ -48,17 +47,6 @@ def read_config(path: Path, context: typer.Context, types: Mapping[str, Any]) ->
 
 def _name(flag: str) -> str:
     return flag.lstrip("-")
-
-
-def _toml(path: Path) -> dict[str, Any]:
-    try:
-        if path.stat().st_size > LARGEST:
-            raise InputError(f"{path}: is larger than {LARGEST} bytes, expected a TOML file of options")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}), expected a TOML file") from error
-    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, or numbers and tables without end
-        raise InputError(f"{path}: is no TOML file ({error}), expected lines such as seed = 1") from error
 
 
 def _value(value: Any, annotation: Any, place: str) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import typer
 from sfkit.checkpoints.targets import FileForm
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.errors import InputError
+from sfkit.outside import read_toml
 
 if TYPE_CHECKING:
     from sfkit.training.finetune import Source
@@ -157,12 +157,7 @@ def _settings(path: Path | None, **given: Any) -> TrainingSettings:
 
     stated: dict[str, Any] = {}
     if path is not None:
-        try:
-            stated = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(
-                f"{path}: cannot be read as TOML ({error}), expected training settings"
-            ) from error
+        stated = read_toml(path, "expected training settings")
     stated |= {key: value for key, value in given.items() if value is not None}
     return TrainingSettings.from_dict(stated, str(path or "the command line"))
 

@@ -60,7 +60,8 @@ def predict(
     model = load_network(file, name=architecture, options=options)
     rows = []
     for number, written in enumerate(predict_files(model, plan), 1):
-        say(f"{number} of {len(pairs)}: {written.disparity}")
+        names = " and ".join(path.name for path in pairs[number - 1])
+        say(f"{number} of {len(pairs)}: {names} -> {written.disparity}")
         rows.append(
             {
                 "disparity": written.disparity,

@@ -5,12 +5,13 @@
 | ``im0`` | ``im1`` | ``disp0GT``, ``disp0`` |
 | ``im2`` | ``im6`` | ``disp2`` |
 | ``view1`` | ``view5`` | ``disp1`` |
-| ``left`` | ``right`` | ``disp``, ``disparity``, ``disp_left``, ``gt`` |
-| ``NAME_left`` | ``NAME_right`` | ``NAME_disp``, ``NAME_disparity`` |
+| ``left`` | ``right`` | ``disp``, ``disparity``, ``disp_left``, ``disparity_left``, ``gt`` |
+| ``scene1.row3.col3`` | ``scene1.row3.col4`` | ``truedisp.row3.col3`` |
+| ``NAME_left`` | ``NAME_right`` | ``NAME_disp``, ``NAME_disparity``, the same with ``_left`` |
 
 A ``pairs.toml`` in the folder or in a sub-folder may set ``left``, ``right``, ``disparity``, ``mask``
-(file names) and ``coding``; that of the sub-folder comes first. The scale of a PNG cannot be guessed,
-so PNG ground truth needs a coding.
+(file names) and ``coding``; that of the sub-folder comes first. The scale of an image cannot be guessed,
+so ground truth in PNG, PGM or TIFF needs a coding.
 """
 
 from __future__ import annotations
@@ -20,21 +21,23 @@ from pathlib import Path
 
 from sfkit.datasets.formats import Coding, coding_of_suffix
 from sfkit.datasets.listing import NEEDED, PairListing, inside
-from sfkit.datasets.manifests import read_toml
 from sfkit.datasets.pairs import StereoPair
 from sfkit.errors import InputError, nearest
+from sfkit.outside import read_toml
 
 HINTS = "pairs.toml"
 FILE_HINTS = ("left", "right", "disparity", "mask")
 HINT_KEYS = (*FILE_HINTS, "coding")
 IMAGES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff")
-DISPARITIES = (".npy", ".npz", ".pfm", ".png")
+SCALED = (".png", ".pgm", ".tif", ".tiff")
+DISPARITIES = (".npy", ".npz", ".pfm", *SCALED)
 MASKS = ("mask0nocc", "nocc", "mask")
 CONVENTIONS = (
     ("im0", "im1", ("disp0GT", "disp0")),
     ("im2", "im6", ("disp2",)),
     ("view1", "view5", ("disp1",)),
-    ("left", "right", ("disp", "disparity", "disp_left", "gt")),
+    ("left", "right", ("disp", "disparity", "disp_left", "disparity_left", "gt")),
+    ("scene1.row3.col3", "scene1.row3.col4", ("truedisp.row3.col3",)),
 )
 
 
@@ -100,12 +103,13 @@ def coding_for(path: Path, given: Iterable[str | None]) -> str:
     """
     suffix = path.suffix.lower()
     for coding in given:
-        if coding and f".{Coding.parse(coding).kind.rstrip('0123456789')}" == suffix:
+        kind = Coding.parse(coding).kind.rstrip("0123456789") if coding else ""
+        if coding and suffix in (SCALED if kind == "png" else (f".{kind}",)):
             return coding
     settled = coding_of_suffix(path)
     if settled is None:
         raise InputError(
-            f"{path}: found no coding for this ground truth, and the scale of a PNG cannot be guessed; "
+            f"{path}: found no coding for this ground truth, and the scale of an image cannot be guessed; "
             "expected png16 (value / 256), png16:S or png8:S (value / S) as coding=..., as 'coding' in a "
             f"{HINTS} beside it, or in a CSV column 'coding'"
         )
@@ -179,8 +183,13 @@ def _recognised(folder: Path, files: list[Path]) -> dict[str, Path]:
 
 def _conventions(files: Iterable[Path]) -> list[tuple[str, str, tuple[str, ...]]]:
     """The table of names, and those that end in ``_left``."""
-    stems = sorted({f.stem.removesuffix("_left") for f in files if f.stem.endswith("_left")} - {"disp"})
-    named = [(f"{s}_left", f"{s}_right", (f"{s}_disp", f"{s}_disparity")) for s in stems]
+    stems = sorted({f.stem.removesuffix("_left") for f in files if f.stem.endswith("_left")})
+    truths = ("disp", "disparity", "disp_left", "disparity_left")
+    named = [
+        (f"{s}_left", f"{s}_right", tuple(f"{s}_{truth}" for truth in truths))
+        for s in stems
+        if s.rpartition("_")[2] not in truths
+    ]
     return [*CONVENTIONS, *named]
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import io
 import math
+import tokenize
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -45,7 +46,10 @@ __all__ = [
 
 KITTI_SCALE = 256.0
 CODINGS = ("npy", "npz", "pfm", "png16", "png8")
-_UNREADABLE = (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error)
+_UNREADABLE = (
+    *(ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError),
+    *(tokenize.TokenError, SyntaxError, MemoryError, OverflowError, KeyError, TypeError),  # numpy's header
+)
 _BY_SUFFIX = {".pfm": "pfm", ".npy": "npy", ".npz": "npz"}
 
 

@@ -145,9 +145,14 @@ def inside(root: Path, relative: PurePath | str) -> Path:
     """``root / relative``, which must not leave ``root`` by ``..``, as an absolute path or over a link.
 
     Raises:
-        InputError: the path leads outside.
+        InputError: the path leads outside, or no file can have its name.
     """
     path = root / relative
+    try:
+        path.lstat()
+    except (OSError, ValueError) as error:
+        if not isinstance(error, FileNotFoundError | NotADirectoryError):
+            raise InputError(f"{str(relative)[:100]!r}: is no name of a file ({error.args[-1]})") from error
     if not path.resolve().is_relative_to(root):
         raise InputError(
             f"{relative}: leads to {path.resolve()}, expected a path under {root}; "

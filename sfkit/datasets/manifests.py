@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
@@ -13,11 +12,13 @@ from sfkit import files
 from sfkit.datasets.formats import Coding
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MaskCoding
-from sfkit.datasets.pfm import read_bytes
 from sfkit.datasets.protocols import rule
 from sfkit.errors import InputError, nearest, unknown_name
+from sfkit.outside import read_toml
 
 ID, RESOLUTION = "{id}", "{resolution}"
+MOST = 1_000_000
+_COUNTED = re.compile(r"[^{}]*\{:0?\d?\d?d\}[^{}]*")
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,7 @@ def read_manifest(path: Path) -> Manifest:
     data = read_toml(path)
     layouts = pop_layouts(path, data)
     ids = _ids(path, data.pop("ids", None))
-    tuples = {key: tuple(data.pop(key)) for key in ("places", "resolutions") if key in data}
+    tuples = {key: _texts(path, key, data.pop(key)) for key in ("places", "resolutions") if key in data}
     known: dict[str, Any] = {"ids": ids, "layouts": tuple(_layout(path, entry) for entry in layouts)}
     manifest: Manifest = _record(path, Manifest, data, known | tuples)
     check_name(path, manifest.name)
@@ -151,18 +152,6 @@ def read_manifest(path: Path) -> Manifest:
     if sized != bool(manifest.resolutions):
         raise InputError(f"{path}: expected both {RESOLUTION} in the layouts and 'resolutions', or neither")
     return manifest
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """A TOML file's content.
-
-    Raises:
-        InputError: the file cannot be read, or is not TOML.
-    """
-    try:
-        return tomllib.loads(read_bytes(path).decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is not TOML ({error}), correct the file") from error
 
 
 def pop_layouts(path: Path, data: dict[str, Any]) -> list[Any]:
@@ -225,10 +214,21 @@ def made(path: Path, cls: type[Any], values: Mapping[str, Any]) -> Any:
 def _ids(path: Path, given: Any) -> tuple[str, ...]:
     """The ids as listed, or counted: ``{format = "{:06d}_10", count = 194}``."""
     if isinstance(given, dict) and set(given) == {"format", "count"}:
-        given = [given["format"].format(number) for number in range(given["count"])]
+        form, count = given["format"], given["count"]
+        if not (isinstance(form, str) and _COUNTED.fullmatch(form)) or count not in range(1, MOST + 1):
+            raise InputError(
+                f"{path}: ids is {given!r}, expected a format such as '{{:06d}}_10' and a count up to {MOST}"
+            )
+        given = [form.format(number) for number in range(count)]
     if not isinstance(given, list) or not given or len(set(map(str, given))) != len(given):
         raise InputError(f"{path}: ids is {given!r}, expected a list of names or a format and a count")
     return tuple(map(str, given))
+
+
+def _texts(path: Path, key: str, given: Any) -> tuple[str, ...]:
+    if not isinstance(given, list) or not all(isinstance(entry, str) for entry in given):
+        raise InputError(f"{path}: {key} is {given!r}, expected a list of texts")
+    return tuple(given)
 
 
 def _relative(path: Path, key: str, pattern: str) -> None:

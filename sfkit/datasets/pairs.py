@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
@@ -37,7 +38,7 @@ class Sample:
         right: (H, W, 3) RGB uint8.
         disparity: (H, W) float32 pixels, left view; NaN = no ground truth.
         nonoccluded: (H, W) bool, True = visible in both views; None where the data cannot tell.
-        calibration: None where the data set brings none.
+        calibration: None where the data set brings none that can be read.
     """
 
     id: str
@@ -177,7 +178,10 @@ def load(pair: StereoPair) -> Sample:
     if pair.mask is not None:
         mask = read_mask(pair.mask, pair.mask_coding)
         _expect_size(pair, pair.mask, mask, size)
-    calibration = None if pair.calibration is None else read_calibration(pair.calibration)
+    calibration = None
+    if pair.calibration is not None:
+        with suppress(InputError):  # of another form, such as KITTI's: it decides no score
+            calibration = read_calibration(pair.calibration)
     return Sample(pair.id, left, right, disparity, mask, calibration)
 
 

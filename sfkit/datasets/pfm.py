@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from sfkit.errors import InputError
 from sfkit.files import write_bytes
 
-_HEADER = re.compile(rb"(P[fF])\s+(\d+)\s+(\d+)\s+([-+]?[0-9.]+(?:[eE][-+]?\d+)?)(?:\r\n|\s)")
+_HEADER = re.compile(
+    rb"(P[fF])\s+(\d{1,9})\s+(\d{1,9})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)"
+)
 _HEADER_LIMIT = 256  # bytes; a header is a few dozen
 
 

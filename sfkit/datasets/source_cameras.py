@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import json
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from sfkit.datasets.pfm import read_bytes
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import parse_json
 
 Groups = Mapping[str, str]
 
@@ -82,10 +82,7 @@ def _annotations(path: Path) -> dict[tuple[str, str, int], Any]:
 
 
 def _json(path: Path, text: bytes) -> Any:
-    try:
-        return json.loads(text)
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is no JSON ({error}), fetch it again") from error
+    return parse_json(text, str(path), "fetch it again")
 
 
 _CAMERAS: dict[str, Callable[[Path, Path, Groups], float]] = {

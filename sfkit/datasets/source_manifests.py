@@ -9,8 +9,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layouts, read_toml
+from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layouts
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import read_toml
 
 ROLES = ("right", "disparity")
 

@@ -11,9 +11,11 @@ from pathlib import Path, PurePath
 
 from sfkit.datasets.folders import coding_for
 from sfkit.datasets.listing import NEEDED, PairListing, inside
+from sfkit.datasets.matching import ensure_two
 from sfkit.datasets.pairs import StereoPair
 from sfkit.datasets.pfm import read_bytes
 from sfkit.errors import InputError, nearest
+from sfkit.files import is_file
 
 COLUMNS = (*NEEDED, "calibration", "coding", "id", "mask")
 FILES = (*NEEDED, "calibration", "mask")
@@ -36,7 +38,8 @@ def find_in_table(table: Path, root: Path, coding: str | None = None) -> PairLis
         if name in missing or any(pair.id == name for pair in pairs):
             raise InputError(f"{where}: found the id {name!r} twice, expected each once; add a column 'id'")
         files = {role: inside(root, row[role]) for role in FILES if row.get(role)}
-        lacking = tuple(row[role] for role, path in files.items() if not path.is_file())
+        lacking = tuple(row[role] for role, path in files.items() if not is_file(path))
+        ensure_two(files["left"], files["right"])
         if lacking:
             missing[name] = lacking
         else:

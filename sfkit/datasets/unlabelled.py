@@ -2,7 +2,7 @@
 
 | layout | left | right |
 |---|---|---|
-| two folders | ``left/NAME`` | ``right/NAME``, matched by name, or by order where no name is in both |
+| two folders | ``left/NAME`` | ``right/NAME``, matched by name, or by number where no name is in both |
 | KITTI raw | ``.../image_02/data/N.png`` (else ``image_00``) | ``.../image_03/data/N.png`` (``image_01``) |
 | KITTI 2012, 2015 | ``image_2/NAME`` (else ``colored_0``, ``image_0``) | ``image_3/NAME`` (and so on) |
 | one folder | ``im0``, ``im2``, ``view1``, ``left``, ``NAME_left`` | ``im1``, ``im6``, ``view5``, ... |
@@ -19,8 +19,10 @@ from pathlib import Path, PurePath
 
 from sfkit.datasets.folders import CONVENTIONS, IMAGES
 from sfkit.datasets.listing import PairListing, inside, open_root
+from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pairs import StereoPair
 from sfkit.errors import InputError
+from sfkit.files import is_file
 
 UNLABELLED = "unlabelled"
 DEPTH = 4
@@ -100,7 +102,8 @@ def _images(folder: Path) -> list[Path]:
 
 
 def _matched(root: Path, left: Path, right: Path) -> list[StereoPair]:
-    """The pairs of two folders, by name, or by order where no name is in both."""
+    """The pairs of two folders, by name, or by number where no name is in both."""
+    ensure_two(left, right)
     if not right.is_dir():
         raise InputError(f"{left}: found no folder {right.name} beside it, expected the right images there")
     lefts, rights = _images(left), _images(right)
@@ -117,7 +120,9 @@ def _matched(root: Path, left: Path, right: Path) -> list[StereoPair]:
             f"{alone[0]}: found no image of that name on the other side ({len(alone)} such in all), expected "
             "each frame in both folders: were frames dropped? Move these away, or list the pairs in a CSV"
         )
-    couples = [(a, theirs[a.name]) for a in shared] or list(zip(lefts, rights, strict=True))
+    couples = [(a, theirs[a.name]) for a in shared]
+    if not shared and lefts:
+        couples = match_by_number(lefts, rights)
     named = _prefix(root, left)
     return [_pair(root, f"{named}{a.stem}", a, b) for a, b in couples]
 
@@ -142,6 +147,7 @@ def _in_one(root: Path, folder: Path) -> list[StereoPair]:
     own = [(a, b, folder.name if place == "." else place) for a, b, _ in CONVENTIONS]
     prefix = "" if place == "." else f"{place}/"
     ended = (stem.removesuffix("_left") for stem in by_stem if stem.endswith("_left"))
+    ended = (stem for stem in ended if stem.rpartition("_")[2] not in ("disp", "disparity"))
     own += [(f"{stem}_left", f"{stem}_right", f"{prefix}{stem}") for stem in ended]
     pairs = []
     for a, b, name in own:
@@ -157,8 +163,9 @@ def _in_table(table: Path, root: Path) -> list[StereoPair]:
     for line, row in enumerate(_rows(table), start=2):
         left, right = (inside(root, row[side]) for side in ("left", "right"))
         for path in (left, right):
-            if not path.is_file():
+            if not is_file(path):
                 raise InputError(f"{table}, line {line}: found no {path}, expected every image under {root}")
+        ensure_two(left, right)
         name = row.get("id") or PurePath(row["left"]).with_suffix("").as_posix()
         pairs.append(StereoPair(name, left, right, None))
     return pairs

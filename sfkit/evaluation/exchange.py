@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import pandas as pd
 from sfkit.datasets.metric import D1, EPE, bad_pixels
 from sfkit.errors import InputError
 from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors
-from sfkit.evaluation.store import Evaluation, EvaluationStore
+from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 
 COLUMNS = ("key", "image", "region", "pixels", EPE.name, D1.name, *(bad_pixels(t).name for t in THRESHOLDS))
 
@@ -85,7 +86,12 @@ def import_evaluations(source: EvaluationStore, target: EvaluationStore) -> tupl
 
     Returns:
         How many were copied, and how many the target had.
+
+    Raises:
+        InputError: a row is not what sfkit writes; nothing is copied then.
     """
+    for evaluation in source:
+        check_evaluation(evaluation, str(source.path))
     copied = held = 0
     for evaluation in source:
         known = target.get(evaluation.key)
@@ -95,3 +101,42 @@ def import_evaluations(source: EvaluationStore, target: EvaluationStore) -> tupl
         target.put(evaluation)
         copied += 1
     return copied, held
+
+
+def check_evaluation(evaluation: Evaluation, where: str) -> None:
+    """Refuse an evaluation that no evaluator made: under another key than its own, or with impossible counts.
+
+    Raises:
+        InputError: names the evaluation and what is wrong.
+    """
+    place = f"{where}: evaluation {evaluation.key[:12]}"
+    try:
+        key = evaluation_key(evaluation.description)
+    except ValueError as error:
+        raise InputError(f"{place}: its description cannot have a key ({error})") from error
+    if key != evaluation.key:
+        raise InputError(f"{place}: its key is not the digest of its description, expected {key[:12]}")
+    if evaluation.failure:
+        return
+    ids = [image.id for image in evaluation.images]
+    if not ids or len(set(ids)) != len(ids):
+        raise InputError(f"{place}: found the images {ids}, expected at least one and each once")
+    for image in evaluation.images:
+        _check_counts(image, f"{place}, image {image.id!r}")
+
+
+def _check_counts(image: ImageErrors, place: str) -> None:
+    if list(image.thresholds) != sorted(set(image.thresholds)) or not all(t > 0 for t in image.thresholds):
+        raise InputError(
+            f"{place}: found the thresholds {image.thresholds}, expected ascending numbers above 0"
+        )
+    for name, errors in image.regions.items():
+        counts = (*errors.above, errors.d1)
+        possible = errors.sum_abs >= 0 and all(0 <= count <= errors.pixels for count in counts)
+        if not possible or image.nonfinite < 0 or errors.pixels < 0:
+            raise InputError(
+                f"{place}: found {errors} in region {name!r}, expected sums and counts of errors"
+            )
+    for name, (above, below) in image.own.items():
+        if math.isnan(above) or not below >= 0:
+            raise InputError(f"{place}: found {above} of {below} for {name}, expected a sum and a count")

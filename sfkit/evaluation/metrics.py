@@ -221,7 +221,7 @@ class ImageErrors:
                 raise ValueError("counts that do not match the thresholds")
             own = {str(name): (float(above), float(n)) for name, (above, n) in data.get("own", {}).items()}
             return cls(str(data["id"]), thresholds, int(data["nonfinite"]), regions, own)
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise InputError(
                 f"image errors: {error!r} in the record, expected what ImageErrors.to_dict wrote"
             ) from error

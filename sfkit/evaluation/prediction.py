@@ -16,6 +16,7 @@ from sfkit.colours import DISPARITY, paint, range_of
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import write_disparity_png16
 from sfkit.datasets.images import read_image
+from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pfm import write_pfm
 from sfkit.errors import InputError, SfkitError, unknown_name
 from sfkit.evaluation.self_check import SelfCheck, self_check
@@ -40,15 +41,16 @@ class PredictionFiles:
 
 
 def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
-    """Two images, or the images of two folders matched by name (by order where no name is in both).
+    """Two images, or the images of two folders matched by name (by number where no name is in both).
 
     Raises:
-        InputError: a path is missing, a file meets a folder, the folders hold different numbers, or some
-            names are in both folders and some are not.
+        InputError: a path is missing, a file meets a folder, both are one, the folders hold different
+            numbers, some names are in both folders and some are not, or numbers differ.
     """
     for path in (left, right):
         if not path.exists():
             raise InputError(f"{path}: no such file or folder, expected an image or a folder of images")
+    ensure_two(left, right)
     if left.is_file() and right.is_file():
         return [(left, right)]
     if left.is_file() or right.is_file():
@@ -61,7 +63,7 @@ def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
     by_name = {path.name: path for path in rights}
     alone = [path for path in lefts if path.name not in by_name]
     if len(alone) == len(lefts):
-        return list(zip(lefts, rights, strict=True))
+        return match_by_number(lefts, rights)
     if alone:
         raise InputError(
             f"{alone[0]}: found no image of that name in {right}, expected all names in both folders, or none"

@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from sfkit.datasets.benchmark import Benchmark
+from sfkit.errors import InputError
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.separation import column_name
@@ -72,6 +73,7 @@ def score_recipes(
     """
     for recipe in recipes.values():
         pool.check_recipe(recipe)
+    _check_names([(b.name, b.protocol) for b in benchmarks])
     evaluators = [
         Evaluator(
             pool,
@@ -120,7 +122,13 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
 
     Validation columns bear a ``*``. With ``mean`` each metric gets the mean over the benchmarks that
     guided no search; a network without a score on one of them has none.
+
+    Raises:
+        InputError: two benchmarks, or two networks, have one name.
     """
+    rows = scores[["network", "metric", "benchmark", "protocol"]]
+    twice = rows[rows.duplicated()]
+    _check_names(2 * [(str(b), str(p)) for b, p in zip(twice["benchmark"], twice["protocol"], strict=True)])
     table = pd.DataFrame(index=pd.Index(dict.fromkeys(scores["network"]), name="network"))
     columns = ["benchmark", "protocol", "metric", "role"]
     for (name, protocol, metric, role), part in scores.groupby(columns, sort=False):
@@ -134,6 +142,15 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
                 by_network = part.groupby("network")["score"]
                 table[f"mean {metric} [{unit}]"] = by_network.agg(lambda column: column.mean(skipna=False))
     return table
+
+
+def _check_names(names: Sequence[tuple[str, str]]) -> None:
+    for name, protocol in names:
+        if names.count((name, protocol)) > 1:
+            raise InputError(
+                f"benchmarks: found {name!r} under protocol {protocol!r} twice, expected a name each: give "
+                "one another (dataclasses.replace(benchmark, name=...)), or rename its folder"
+            )
 
 
 def write_table(table: pd.DataFrame, path: Path) -> Path:

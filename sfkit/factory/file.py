@@ -45,11 +45,11 @@ from typing import Any
 from sfkit.bank.rendered import RenderedPair
 from sfkit.datasets.benchmark import open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.datasets.manifests import read_toml
 from sfkit.datasets.synthetic import domains
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import read_toml
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.pipeline import METHODS, Plan
 from sfkit.training import TrainingSettings

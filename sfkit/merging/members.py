@@ -16,6 +16,7 @@ from sfkit.checkpoints.checks import (
     KinshipSums,
     TensorSpec,
     check_keys,
+    check_types,
     check_values,
 )
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
@@ -125,7 +126,14 @@ class PoolOpener:
                 self.architecture.check(shapes, self.options)
             except InputError as error:
                 raise InputError(f"{path}: {error}") from error
-        check_keys(path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base)
+        try:
+            check_keys(
+                path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base
+            )
+        except InputError as error:
+            lacking = (spec.key for spec in self.specs if spec.key not in file.tensors)
+            raise InputError(f"{error}{self.architecture.advice_for(lacking)}") from error
+        check_types(path, file.tensors, self.specs)
         return replace(file, tensors=self._unaliased(file.tensors))
 
     def _bare(self, file: CheckpointFile, wrapping: Wrapping | None) -> CheckpointFile:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import json
+import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.headers import SAFETENSORS, is_checkpoint_name, read_texts
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.recipe import Recipe
+from sfkit.outside import parse_json, read_json, table
 
 _ENTRIES = ("recipe", "pool", "architecture", "blocks", "base", "sources", "sfkit")
 _MEMBER = ("file", "fingerprint", "licence")
+BELONGS = "sfkit.weights"  # in a recipe beside a torch file: the fingerprint of its tensors
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Origin:
 def read_origin(path: str | Path) -> Origin | None:
     """How a merged file was made; None where it was not made by sfkit.
 
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where the recipe beside a torch file belongs to other weights.
+
     Raises:
         InputError: the file cannot be read, or its metadata is malformed.
     """
@@ -69,15 +73,35 @@ def stated_metadata(path: Path) -> dict[str, str] | None:
         InputError: the file cannot be read, or an entry is missing.
     """
     metadata: object = _texts(path)
-    sidecar = path.with_name(path.name + ".recipe.json")
-    if not metadata and sidecar.is_file():
-        path, metadata = sidecar, _json(sidecar, sidecar.read_text(encoding="utf-8", errors="replace"))
+    if not metadata and (sidecar := sidecar_of(path)).is_file():
+        metadata = read_json(sidecar, "was it edited?")
+        belongs = metadata.get(BELONGS) if isinstance(metadata, Mapping) else None
+        if belongs is not None and belongs != _content(path):
+            warnings.warn(
+                f"{sidecar}: belongs to other weights than those of {path.name} and is not believed: "
+                "move it away, or write the network again",
+                SfkitWarning,
+                stacklevel=2,
+            )
+            return None
+        path = sidecar
     if not isinstance(metadata, Mapping) or "sfkit.recipe" not in metadata:
         return None
     missing = [entry for entry in _ENTRIES if f"sfkit.{entry}" not in metadata]
     if missing:
         raise InputError(f"{path}: its sfkit metadata lacks {', '.join(missing)}, was it edited?")
     return {f"sfkit.{entry}": str(metadata[f"sfkit.{entry}"]) for entry in _ENTRIES}
+
+
+def sidecar_of(path: Path) -> Path:
+    """Where the recipe of a torch file lies that has no room for it."""
+    return path.with_name(path.name + ".recipe.json")
+
+
+def _content(path: Path) -> str:
+    from sfkit.checkpoints.reading import content_of, read_checkpoint
+
+    return content_of(read_checkpoint(path).tensors)
 
 
 def _texts(path: Path) -> Mapping[str, str]:
@@ -90,10 +114,7 @@ def _texts(path: Path) -> Mapping[str, str]:
 
 
 def _json(path: Path, text: object) -> Any:
-    try:
-        return json.loads(str(text))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: its sfkit metadata is no JSON ({error}), was it edited?") from error
+    return parse_json(str(text), f"{path}: its sfkit metadata", "was it edited?")
 
 
 def _check_origin(path: Path, origin: Origin) -> None:
@@ -126,7 +147,10 @@ def read_recipe(path: str | Path) -> Recipe:
             raise InputError(
                 f"{path}: carries no recipe, expected a file that sfkit merged or a recipe as JSON"
             )
-        return origin.recipe
+        members = {"base": origin.base, **origin.sources}
+        known = {name: str(member["fingerprint"]) for name, member in members.items()}
+        return replace(origin.recipe, merged_from=known)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a recipe as JSON or a merged network")
-    return Recipe.from_json(path.read_text(encoding="utf-8", errors="replace"), where=str(path))
+    values = table(read_json(path, "expected what Recipe.to_json writes"), str(path))
+    return Recipe.from_dict(values, where=str(path))

@@ -204,11 +204,25 @@ class Pool:
                 "make its pool with sfkit.prepared_for(pool, recipe)"
             )
         self.subset(recipe.sources)
+        self._check_origin(recipe.merged_from or {})
         if recipe.blocks != self.blocks:
             raise InputError(
                 f"recipe: has the blocks {', '.join(recipe.blocks)}, expected those of pool {self.name!r}: "
                 f"{', '.join(self.blocks)}"
             )
+
+    def _check_origin(self, merged_from: Mapping[str, str]) -> None:
+        """Refuse a merged file's recipe where a name stands for another network here than it did there."""
+        read = {m.name: m for members in self.origins.values() for m in members} | {"base": self.base}
+        for name, fingerprint in merged_from.items():
+            if name in read and read[name].fingerprint != fingerprint:
+                known = next((n for n, m in read.items() if m.fingerprint == fingerprint), None)
+                other = f"; here {known!r} is, were names exchanged?" if known else ""
+                raise InputError(
+                    f"recipe: its file was merged from another {name!r} than that of pool {self.name!r} "
+                    f"({read[name].path}), expected the same network{other}; to merge with this one all the "
+                    "same, give the recipe as JSON"
+                )
 
     def signed(self, recipe: Recipe) -> Recipe:
         """The recipe with this pool's preparation in it, from which it can be rebuilt later.
@@ -326,4 +340,5 @@ def _doubts(pool: Pool) -> Iterable[str]:
             yield (
                 f"{source.path}: source {source.name!r} lacks {len(source.absent)} optional tensors "
                 f"({source.absent[0]}, ...): its task vector is zero there and weights are not renormalised"
+                f"{pool.architecture.advice_for(source.absent)}"
             )

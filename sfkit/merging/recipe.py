@@ -10,13 +10,16 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from sfkit.cards import card
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.steps import Step, as_dicts, from_dicts
+from sfkit.outside import number, parse_json, table
+from sfkit.outside import text as read_text_value
 
+_KEYS = frozenset(("format", "preparation", "sources", "blocks", "weights", "scales"))
 FORMAT = "sfkit-recipe/1"
 PREPARED = "sfkit-recipe/2"
 """With a preparation: a reader that does not know of them refuses it."""
@@ -35,6 +38,8 @@ class Recipe:
         scales: B module scales; they act on parameters, never on running statistics.
         preparation: the steps that made the sources' task vectors out of those the pool was read with. A
             prepared pool's own recipes may leave it out; :meth:`~sfkit.merging.pool.Pool.signed` adds it.
+        merged_from: fingerprints by member (``base`` and sources) of the merged file it was read from, which
+            a pool must have to rebuild it; None of a recipe that was made or read as JSON.
     """
 
     sources: tuple[str, ...]
@@ -42,6 +47,7 @@ class Recipe:
     weights: tuple[tuple[float, ...], ...]
     scales: tuple[float, ...]
     preparation: tuple[Step, ...] = ()
+    merged_from: Mapping[str, str] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(set(self.sources)) != len(self.sources):
@@ -163,17 +169,14 @@ class Recipe:
                 f"{where}: found format {values.get('format')!r}, expected {FORMAT!r} or {PREPARED!r}"
             )
         steps = from_dicts(values.get("preparation"), where) if values["format"] == PREPARED else ()
-        try:
-            if not (isinstance(values["sources"], list) and isinstance(values["blocks"], list)):
-                raise TypeError("sources and blocks must be lists")
-            sources = tuple(str(name) for name in values["sources"])
-            blocks = tuple(str(name) for name in values["blocks"])
-            weights = tuple(tuple(float(values["weights"][b][s]) for s in sources) for b in blocks)
-            scales = tuple(float(values["scales"][b]) for b in blocks)
-        except KeyError as error:
-            raise InputError(f"{where}: the entry {error.args[0]!r} is missing from the recipe") from error
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{where}: the recipe is malformed ({error})") from error
+        table(values, where, _KEYS if values["format"] == PREPARED else _KEYS - {"preparation"})
+        sources, blocks = (
+            _names(_entry(values, key, where), f"{where}: {key}") for key in ("sources", "blocks")
+        )
+        rows = table(_entry(values, "weights", where), f"{where}: weights", blocks)
+        of_block = table(_entry(values, "scales", where), f"{where}: scales", blocks)
+        weights = tuple(_numbers(_entry(rows, b, where), sources, f"{where}: weights.{b}") for b in blocks)
+        scales = _numbers(of_block, blocks, f"{where}: scales")
         try:
             return cls(sources, blocks, weights, scales, steps)
         except InputError as error:
@@ -186,14 +189,29 @@ class Recipe:
         Raises:
             InputError: the text is no JSON object, or no recipe.
         """
-        try:
-            values = json.loads(text)
-        except json.JSONDecodeError as error:
-            raise InputError(f"{where}: not JSON ({error}), expected what Recipe.to_json writes") from error
+        values = parse_json(text, where, "expected what Recipe.to_json writes")
         if not isinstance(values, dict):
             kind = type(values).__name__
             raise InputError(f"{where}: found a JSON {kind}, expected the object that Recipe.to_json writes")
         return cls.from_dict(values, where=where)
+
+
+def _entry(values: Mapping[str, Any], key: str, where: str) -> Any:
+    if key not in values:
+        raise InputError(f"{where}: the entry {key!r} is missing from the recipe")
+    return values[key]
+
+
+def _names(values: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(values, list):
+        raise InputError(f"{where} is {values!r}, expected a list of names")
+    return tuple(read_text_value(name, where) for name in values)
+
+
+def _numbers(values: Any, names: Sequence[str], where: str) -> tuple[float, ...]:
+    """The numbers of a table that has one under each name and nothing else."""
+    held = table(values, where, names)
+    return tuple(number(_entry(held, name, where), f"{where}.{name}", least=0.0) for name in names)
 
 
 def routed(

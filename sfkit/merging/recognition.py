@@ -13,6 +13,7 @@ import torch
 from sfkit.architectures import architecture, architectures
 from sfkit.checkpoints.headers import is_checkpoint_name
 from sfkit.checkpoints.reading import read_checkpoint
+from sfkit.checkpoints.spec import ROWS
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.tensor_specs import tensor_specs
@@ -133,14 +134,14 @@ def pool_toml(found: Family, name: str) -> str:
 
 
 def _names(paths: Sequence[Path]) -> list[str]:
-    """File names as source names: letters, digits and ``_ . + -``, each once."""
+    """File names as source names: letters, digits and ``_ . -``, each once."""
     names: list[str] = []
     for path in paths:
-        stem = "".join(c if c.isascii() and (c.isalnum() or c in "_+-") else "_" for c in path.stem).strip(
-            "_+-"
+        stem = "".join(c if c.isascii() and (c.isalnum() or c in "_-") else "_" for c in path.stem).strip(
+            "_-"
         )
         name, number = stem or "source", 2
-        while name in names:
+        while name in (*names, *ROWS):
             name, number = f"{stem}_{number}", number + 1
         names.append(name)
     return names

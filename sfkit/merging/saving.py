@@ -7,13 +7,16 @@ from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 
+import torch
+
 from sfkit.checkpoints.layouts import Layout
-from sfkit.checkpoints.targets import FileForm, form_of
+from sfkit.checkpoints.reading import content_of, read_checkpoint
+from sfkit.checkpoints.targets import FileForm, check_target, form_of
 from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.errors import InputError
 from sfkit.files import write_text
 from sfkit.merging.members import Checked
-from sfkit.merging.origin import Origin, read_origin, read_recipe
+from sfkit.merging.origin import BELONGS, Origin, read_origin, read_recipe, sidecar_of
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -53,7 +56,7 @@ def save_merged(
     """Write the network a recipe describes, in the key names of the base's file.
 
     A bare torch state dict has no room for metadata, so there the recipe lies beside it as
-    ``NAME.recipe.json``.
+    ``NAME.recipe.json``, which is written first and names the weights it belongs to.
 
     Raises:
         InputError: the recipe does not suit the pool, a file of the pool has changed, or the target is
@@ -61,20 +64,46 @@ def save_merged(
     """
     metadata = origin_metadata(pool, recipe)
     state, layout = pool.state_dict(recipe), pool.base.layout
+    path = check_target(path, form, overwrite=overwrite)
+    write_beside(path, layout, metadata, form, state=state, overwrite=overwrite)
     written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
     try:
         pool.ensure_unchanged()
     except InputError:
         written.unlink()  # its tensors come from before and after a change
         raise
-    write_beside(written, layout, metadata, form)
     return written
 
 
 def write_beside(
-    written: Path, layout: Layout, metadata: Mapping[str, str], form: FileForm | str = FileForm.ORIGINAL
+    path: Path,
+    layout: Layout,
+    metadata: Mapping[str, str],
+    form: FileForm | str = FileForm.ORIGINAL,
+    *,
+    state: Mapping[str, torch.Tensor] | None = None,
+    overwrite: bool = True,
 ) -> None:
-    """Metadata that a bare torch state dict has no room for, as ``NAME.recipe.json``."""
-    if form_of(form) is FileForm.ORIGINAL and layout.container is None and metadata:
-        sidecar = written.with_name(written.name + ".recipe.json")
-        write_text(sidecar, json.dumps(dict(metadata), indent=2))
+    """Metadata that a bare torch state dict has no room for, as ``NAME.recipe.json``, bound to its weights.
+
+    Args:
+        path: of the torch file.
+        layout: its layout; one with a container needs nothing beside it.
+        metadata: what to write; nothing where it is empty.
+        form: of the file.
+        state: the weights that are about to be written there; those that are there unless given.
+        overwrite: whether a recipe of sfkit's that lies there may be replaced.
+
+    Raises:
+        InputError: a file of that name is there and is the user's, or may not be replaced.
+    """
+    if form_of(form) is not FileForm.ORIGINAL or layout.container is not None or not metadata:
+        return
+    sidecar = sidecar_of(path)
+    ours = sidecar.exists() and "sfkit.recipe" in sidecar.read_text(encoding="utf-8", errors="replace")
+    if sidecar.exists() and not (overwrite and ours):
+        raise InputError(
+            f"{sidecar}: exists and would hold the recipe of {path.name}, give another name or move it away"
+        )
+    named = read_checkpoint(path).tensors if state is None else layout.name(state)
+    write_text(sidecar, json.dumps({**metadata, BELONGS: content_of(named)}, indent=2))

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from sfkit.errors import InputError, SfkitError
+from sfkit.outside import parse_json
 
 Record = dict[str, Any]
 STOP_REQUESTED = "stop requested"
@@ -136,7 +137,31 @@ class JournalledSearch:
         if not run or run[0].get("event") != "start":
             return None
         finished = tuple(record for record in run if record["event"] == "generation")
-        return cls(kind, run[0], finished, run[-1] if run[-1]["event"] == "end" else None, run[-1])
+        found = cls(kind, run[0], finished, run[-1] if run[-1]["event"] == "end" else None, run[-1])
+        try:
+            found._read_all()
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise InputError(
+                f"journal: a record of its {kind} search is not what a search writes ({error!r}), was it "
+                "edited?"
+            ) from error
+        return found
+
+    def _read_all(self) -> None:
+        """Read what viewers do, so that a record of another form is told here."""
+        names = (*self.sources, *self.blocks)
+        said = (
+            self.reason,
+            self.generation,
+            self.started,
+            self.written,
+            self.counts,
+            self.candidates,
+            self.best,
+        )
+        numbers = [float(value) for value in self.counts.values()]
+        if not (all(isinstance(name, str) for name in names) and said and len(numbers) >= 0):
+            raise TypeError("sources and blocks must be texts")
 
     @classmethod
     def begun(cls, records: Iterable[Mapping[str, Any]], kind: str) -> JournalledSearch:
@@ -255,10 +280,10 @@ def _plain(value: Any) -> Any:
 
 def _parse(line: bytes) -> Record | None:
     try:
-        record = json.loads(line)
-    except ValueError:
+        record = parse_json(line, "journal")
+    except InputError:
         return None
-    return record if isinstance(record, dict) else None
+    return record if isinstance(record, dict) and isinstance(record.get("event"), str) else None
 
 
 def _ends_inside_a_line(file: BinaryIO) -> bool:

@@ -92,7 +92,10 @@ def read_run(folder: str | Path) -> Run:
             f"{folder}: holds no {JOURNAL}, expected a search's folder{nearest(folder.name, beside)}"
         )
     records = read_journal(folder / JOURNAL)
-    found = (JournalledSearch.find(records, kind) for kind in STAGES)
+    try:
+        found = [JournalledSearch.find(records, kind) for kind in STAGES]
+    except InputError as error:
+        raise InputError(f"{folder / JOURNAL}: {str(error).removeprefix('journal: ')}") from error
     return Run(folder, tuple(_stage(search) for search in found if search is not None and search.generations))
 
 

@@ -31,6 +31,7 @@ from sfkit.files import write_text
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
+from sfkit.outside import parse_json
 from sfkit.training.loop import Course, Listener, Task, train
 from sfkit.training.recipes import TrainingRecipe, recipe_of
 from sfkit.training.scoring import scorer_of
@@ -191,10 +192,7 @@ def read_training(path: str | Path) -> dict[str, Any] | None:
     text = read_checkpoint(path).metadata.get(KEY)
     if text is None:
         return None
-    try:
-        values = json.loads(text)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: its {KEY} entry is no JSON ({error}), was it edited?") from error
+    values = parse_json(text, f"{path}: its {KEY} entry", "was it edited?")
     if not isinstance(values, dict):
         raise InputError(f"{path}: its {KEY} entry is {type(values).__name__}, expected an object")
     return values

@@ -180,7 +180,7 @@ def place_more(index: Path) -> None:
     [
         (remove_part, "names model-2-of-2.safetensors, which is not there"),
         (place_more, "places 'gone' in model-1-of-2.safetensors, where it is not"),
-        (lambda index: index.write_text("{"), "no JSON"),
+        (lambda index: index.write_text("{"), "not JSON"),
         (lambda index: index.write_text('{"weight_map": {}}'), "has no weight_map"),
         (lambda index: index.write_text('{"weight_map": {"a": "../a"}}'), "files of its own folder"),
     ],

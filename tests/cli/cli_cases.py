@@ -133,7 +133,7 @@ EVALUATE = (
     _evaluate("list", "--recipe list.json", "list.json", "JSON list"),
     _evaluate("no-format", "--recipe no-format.json", "no-format.json", "format"),
     _evaluate("lacking", "--recipe lacking.json", "lacking.json", "'scales'", "missing"),
-    _evaluate("malformed", "--recipe malformed.json", "malformed.json", "malformed"),
+    _evaluate("malformed", "--recipe malformed.json", "malformed.json", "weights", "expected a table"),
     _evaluate("nan", "--recipe nan.json", "nan.json", "nan", "finite"),
     _evaluate("no-step", "--recipe no-step.json", "no-step.json", "'elekt'", "did you mean 'elect'"),
     _evaluate("step-source", "--members --recipe step-source.json", "step-source.json", "'kiti'"),

@@ -128,7 +128,7 @@ def test_a_file_has_the_same_names_and_options_win(app: App, tmp_path: Path) -> 
         ("times = [1.0]", r"times: found \[1\.0\], expected a list of 2 values"),
         ("[oven]\nheat = 90", "unknown option 'oven'"),
         ("fan = true\nno-fan = true", "no-fan is said twice, by two names of one option"),
-        ("heat = ", "is no TOML file"),
+        ("heat = ", "is not TOML"),
     ],
 )
 def test_a_file_that_cannot_be_meant_is_refused(app: App, tmp_path: Path, text: str, sentence: str) -> None:

@@ -56,7 +56,9 @@ def test_common_names(tmp_path: Path, png: Writer, left: str, right: str, truth:
 
 def test_a_png_needs_a_coding(tmp_path: Path, png: Writer) -> None:
     cones(tmp_path / "cones", png)
-    with pytest.raises(InputError, match=r"disp2\.png: found no coding .* scale of a PNG cannot be guessed"):
+    with pytest.raises(
+        InputError, match=r"disp2\.png: found no coding .* scale of an image cannot be guessed"
+    ):
         open_benchmark("pairs", tmp_path)
     assert truths(tmp_path, coding="png8:4") == {"cones": 2.0}
 

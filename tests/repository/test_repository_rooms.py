@@ -18,6 +18,7 @@ ROOMS = (
     "errors",
     "settings",
     "files",
+    "outside",
     "streams",
     "colours",
     "cards",
@@ -46,15 +47,16 @@ ROOMS = (
 NARROW: dict[str, set[str]] = {
     "settings": set(),
     "files": set(),
+    "outside": {"errors"},
     "streams": set(),
     "colours": set(),
     "cards": set(),
-    "checkpoints": {"errors", "files"},
+    "checkpoints": {"errors", "files", "outside"},
     "architectures": {"errors"},
-    "datasets": {"errors", "files", "cards"},
-    "merging": {"errors", "files", "cards", "checkpoints", "architectures"},  # it never sees an image
+    "datasets": {"errors", "files", "outside", "cards"},
+    "merging": {"errors", "files", "outside", "cards", "checkpoints", "architectures"},  # it sees no image
     "exporting": {"errors", "files", "checkpoints", "architectures", "datasets", "merging", "evaluation"},
-    "search": {"errors", "settings", "files", "streams", "cards", "merging", "evaluation"},
+    "search": {"errors", "settings", "files", "outside", "streams", "cards", "merging", "evaluation"},
     "published": {"errors"},
     "editing": {"errors", "datasets", "merging", "evaluation"},
     "figures": {"errors", "colours", "analysis"},  # they draw records, and compute none

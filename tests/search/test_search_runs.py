@@ -12,7 +12,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.exchange import evaluation_table, export_evaluations, import_evaluations
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
 from sfkit.evaluation.outcome import Outcome
-from sfkit.evaluation.store import Evaluation, EvaluationStore
+from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.recipe import Recipe
 from sfkit.search import Journal, RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 from sfkit.search.runs import State, compare_runs, find_runs, read_run, run_table
@@ -86,9 +86,10 @@ def test_refusals(tmp_path: Path) -> None:
         find_runs(tmp_path / "none")
 
 
-def evaluation(key: str, bad: int = 3, failure: str | None = None) -> Evaluation:
+def evaluation(name: str, bad: int = 3, failure: str | None = None) -> Evaluation:
     image = ImageErrors("one", (1.0,), 0, {"all": RegionErrors(20, 10.0, (bad,), 1)})
-    return Evaluation(key, {"protocol": "raft", "recipe": {}}, () if failure else (image,), failure, 2.0)
+    about = {"protocol": "raft", "recipe": {}, "name": name}
+    return Evaluation(evaluation_key(about), about, () if failure else (image,), failure, 2.0)
 
 
 def test_evaluations_as_a_table(tmp_path: Path) -> None:
@@ -115,6 +116,6 @@ def test_importing_keeps_what_is_there(tmp_path: Path) -> None:
         target.put(evaluation("k3", failure="lost its worker"))
         assert import_evaluations(source, target) == (2, 1)
         assert import_evaluations(source, target) == (0, 3)
-        held = {e.key: e for e in target}
+        held = {e.description["name"]: e for e in target}
     assert held["k1"].images[0].above(1.0) == 3, "the first score written is the truth"
     assert held["k3"].failure is None, "a score takes the place of a failure"
