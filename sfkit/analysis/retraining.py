@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pandas as pd
 
 from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import common_unit
+from sfkit.analysis.study import UNIFORM, Study
+from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, unknown_name
+from sfkit.merging.opening import open_pool
 
 
 @dataclass(frozen=True)
@@ -99,3 +103,39 @@ def retraining_against_merging(
         for name in names
     )
     return Retraining(ways, tuple(one.benchmark for one in measured), common_unit(measured, None))
+
+
+JOINT = "joint retraining"
+
+
+def study_against_joint(
+    study: Study, file: str | Path, seconds: float, training: Mapping[str, float]
+) -> Retraining:
+    """A study's recommended network and its equal mixture beside one trained on all sources' data at once.
+
+    A merge is charged the longest fine-tuning, as if that source were the new one, and its own search;
+    uniform needs no search.
+
+    Args:
+        study: the methods, measured.
+        file: a checkpoint of the pool's architecture.
+        seconds: its training's, on the machine the fine-tunings were timed on.
+        training: source -> seconds its fine-tuning took.
+
+    Raises:
+        InputError: the checkpoint does not fit the pool, no fine-tuning's seconds, or as
+            :func:`retraining_against_merging`.
+    """
+    if not training:
+        raise InputError("retraining: found no seconds of any fine-tuning, expected source -> seconds")
+    pool, chosen = study.experiment.pool, study.chosen
+    joint = open_pool(replace(pool.spec, sources=(Member("joint", Path(file)),)))
+    networks = {
+        JOINT: (joint, joint.equal("joint")),
+        UNIFORM: (pool, pool.uniform()),
+        chosen: (study.result.pool, study.result.recipe),
+    }
+    measured = [one for one in study.experiment.measured(networks) if not one.validation]
+    new = max(training.values())
+    spent = {JOINT: seconds, UNIFORM: new, chosen: new + study.result.seconds}
+    return retraining_against_merging(measured, JOINT, spent)

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from flat_world import benchmark, flat_spec
 
 from sfkit import EvaluationStore, InputError, Recipe, open_pool
-from sfkit.analysis import Experiment, Study, Support, environment, recipe_table, study, summary
+from sfkit.analysis import (
+    Experiment,
+    Study,
+    Support,
+    environment,
+    recipe_table,
+    study,
+    study_against_joint,
+    summary,
+)
 from sfkit.analysis.worth import compare_methods
 from sfkit.baselines import run_baselines
 from sfkit.editing import mark_hand_edit
@@ -191,3 +202,20 @@ def test_a_method_that_drew_is_judged_by_all_its_draws(experiment: Experiment) -
     assert row.spread is not None
     assert len(row.spread.values) == 2
     assert row.guided == pytest.approx(row.spread.mean)
+
+
+def test_a_network_trained_on_all_data_stands_beside_the_recommended_one(
+    found: Study, experiment: Experiment, tmp_path: Path
+) -> None:
+    spec = flat_spec(tmp_path, {"together": 2.0}, base=4.5)
+    training = {"one": 60.0, "five": 90.0, "ten": 30.0}
+    record = study_against_joint(found, spec.sources[0].path, 3600.0, training)
+    table = record.table()
+    assert list(table.index) == ["joint retraining", "uniform", found.chosen]
+    assert record.benchmarks == ("near", "far")
+    assert table.loc["joint retraining", "mean (px)"] == pytest.approx((0.055 + 0.745) / 2, abs=1e-5)
+    assert table.loc[found.chosen, "mean (px)"] == pytest.approx(found.mean(found.chosen))
+    assert table.loc["uniform", "of joint retraining (%)"] == pytest.approx(2.5)
+    assert table.loc[found.chosen, "seconds"] == pytest.approx(90.0 + found.result.seconds)
+    with pytest.raises(InputError, match="no seconds of any fine-tuning"):
+        study_against_joint(found, spec.sources[0].path, 3600.0, {})

@@ -43,6 +43,8 @@ def means(folder: Path, name: str, index: str) -> dict[object, float]:
 def test_what_guides_the_search_changes_its_answer(folder: Path) -> None:
     assert means(folder, "guides", "guided by") == pytest.approx(GUIDES, abs=0.01)
     assert means(folder, "metrics", "fitness metric") == pytest.approx(METRICS, abs=0.01)
+    criteria = {f"{name} bad-3.0": mean for name, mean in GUIDES.items()}
+    assert means(folder, "criteria", "fitness") == pytest.approx(criteria, abs=0.01)
 
 
 def test_what_each_part_adds(folder: Path) -> None:
@@ -55,8 +57,8 @@ def test_populations_and_their_best(folder: Path) -> None:
     assert (table["subsets scored"] > 0).all()
 
 
-def test_the_figure_was_drawn_and_nothing_complained(folder: Path) -> None:
+def test_every_figure_was_drawn_and_nothing_complained(folder: Path) -> None:
     cells = nbformat.read(folder / "page.ipynb", as_version=4).cells
     outputs = [output for cell in cells for output in cell.get("outputs", [])]
-    assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 1
+    assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 4
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []

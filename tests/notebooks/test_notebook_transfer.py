@@ -59,7 +59,8 @@ def test_a_grown_pool_takes_over_what_was_scored(folder: Path) -> None:
         assert table.loc[name, "validation"] == pytest.approx(validation, abs=0.01), name
 
 
-def test_nothing_complained(folder: Path) -> None:
+def test_both_figures_were_drawn_and_nothing_complained(folder: Path) -> None:
     cells = nbformat.read(folder / "page.ipynb", as_version=4).cells
     outputs = [output for cell in cells for output in cell.get("outputs", [])]
+    assert sum("application/vnd.plotly.v1+json" in output.get("data", {}) for output in outputs) == 2
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
