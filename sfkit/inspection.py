@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.headers import SAFETENSORS, SUFFIXES, StoredTensor, read_texts, stored_tensors
 from sfkit.checkpoints.layouts import Layout, common_prefix
 from sfkit.checkpoints.spec import read_pool_spec
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.origin import Origin, read_origin
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.steps import describe
@@ -29,7 +30,10 @@ class Description:
 
 
 def inspect_file(path: str | Path) -> Description:
-    """Explain a network, a ``pool.toml``, a recipe, or an evaluation store.
+    """Explain a network, a folder of networks, a ``pool.toml``, a recipe, or an evaluation store.
+
+    A network that sfkit did not merge is named by its keys; members of a pool come with their nearness to the
+    base. Both read the files whole.
 
     Raises:
         InputError: there is no such file, or it is of no kind sfkit knows.
@@ -38,6 +42,8 @@ def inspect_file(path: str | Path) -> Description:
     path = Path(path)
     if path.is_dir() and (path / "pool.toml").is_file():
         path = path / "pool.toml"
+    if path.is_dir():
+        return _folder(path)
     if not path.is_file():
         raise InputError(f"{path}: no such file, expected a network, a pool.toml, a recipe or a store")
     readers: dict[str, Callable[[Path], Description]] = {
@@ -56,6 +62,7 @@ def _network(path: Path) -> Description:
     elements = sum(math.prod(tensor.shape) for tensor in tensors.values())
     identity = fingerprint({key: tensor.digest for key, tensor in tensors.items()})
     origin = read_origin(path)
+    names = _architectures(path, origin)
     document = {
         "kind": "merged network" if origin else "checkpoint",
         "file": str(path),
@@ -64,14 +71,50 @@ def _network(path: Path) -> Description:
         "elements": elements,
         "dtypes": sorted({tensor.dtype.removeprefix("torch.") for tensor in tensors.values()}),
         "layout": {"container": layout.container, "prefix": layout.prefix},
+        "architectures": names,
         "origin": _origin(origin) if origin else None,
     }
     lines = [
         f"{path}: {document['kind']}, {len(tensors)} tensors, {elements:,} elements",
+        f"  architecture: {' or '.join(names) or 'none that sfkit knows has these keys'}",
         f"  fingerprint: {identity[:12]}",
         f"  layout: {layout.container or 'bare state dict'}, prefix {layout.prefix or 'none'}",
     ]
     return Description(document, "\n".join([*lines, *(_origin_lines(origin) if origin else ())]))
+
+
+def _architectures(path: Path, origin: Origin | None) -> list[str]:
+    """What a merged file says it is, or what another one's keys and shapes fit."""
+    if origin is not None:
+        return [str(origin.architecture["name"])]
+    from sfkit.merging.recognition import recognised
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SfkitWarning)
+        return list(recognised(path))
+
+
+def _folder(folder: Path) -> Description:
+    from sfkit.merging.recognition import family
+
+    found = family(folder)
+    document = {
+        "kind": "folder of checkpoints",
+        "file": str(folder),
+        "architecture": found.architecture,
+        "base": found.base.name,
+        "cosines": {path.name: found.cosines[path] for path in (found.base, *found.sources)},
+        "skipped": {path.name: why for path, why in found.skipped.items()},
+    }
+    members = [f"  {path.name}: cosine to the base {found.cosines[path]:.3f}" for path in found.sources]
+    lines = [
+        f"{folder}: {len(members) + 1} checkpoints of {found.architecture}",
+        f"  {found.base.name}: the base, for all others are near it",
+        *members,
+        *(f"  left out: {why}" for why in found.skipped.values()),
+        f"  sfkit init {folder} writes its pool.toml",
+    ]
+    return Description(document, "\n".join(lines))
 
 
 def _tensors(path: Path) -> tuple[dict[str, StoredTensor], Layout]:
@@ -145,7 +188,41 @@ def _pool(path: Path) -> Description:
     for name, member in members.items():
         there = "" if member.path.is_file() else " (missing)"
         lines.append(f"  {name}: {member.path.name}{there}, licence: {member.licence or 'not stated'}")
+    if all(member.path.is_file() for member in members.values()):
+        more, opened = _opened(path)
+        document, lines = {**document, **more}, [*lines, *opened]
     return Description(document, "\n".join(lines))
+
+
+def _opened(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Blocks, and how near each source is to the base; or why the pool cannot be opened."""
+    from sfkit.merging.opening import open_pool
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", SfkitWarning)
+            pool = open_pool(path)
+    except InputError as error:
+        return {"problem": str(error)}, [f"  cannot be opened: {error}"]
+    kinships = {source.name: source.kinship for source in pool.sources}
+    sizes = {
+        block: sum(s.stop - s.start for s in pool.layout.segments if s.block == number)
+        for number, block in enumerate(pool.blocks)
+    }
+    document = {
+        "kinships": {name: {"cosine": k.cosine, "distance": k.distance} for name, k in kinships.items()},
+        "blocks": sizes,
+        "warnings": list(pool.warnings),
+    }
+    lines = [
+        *(
+            f"  {name}: cosine to the base {k.cosine:.4f}, distance {k.distance:.4f} of its norm"
+            for name, k in kinships.items()
+        ),
+        f"  blocks: {', '.join(f'{block} ({size:,} changed)' for block, size in sizes.items())}",
+        *(f"  warning: {warning}" for warning in pool.warnings),
+    ]
+    return document, lines
 
 
 def _recipe(path: Path) -> Description:

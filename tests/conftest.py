@@ -69,6 +69,14 @@ def goldens() -> Path:
 
 
 @pytest.fixture(scope="session")
+def shipped_goldens() -> Path:
+    """The same where the variable is set; else the reduced set that ships with the tests."""
+    if os.environ.get("SFKIT_GOLDENS"):
+        return _data_folder("SFKIT_GOLDENS")
+    return Path(__file__).parent / "goldens"
+
+
+@pytest.fixture(scope="session")
 def chromium() -> Path:
     """The distribution's Chromium, which Playwright and kaleido can drive."""
     found = next(filter(None, map(shutil.which, CHROMIUM_NAMES)), None)

@@ -13,15 +13,18 @@ from sfkit.cli.options import JsonOption, emit
 def show(
     file: Annotated[
         Path,
-        typer.Argument(help="A network, a pool.toml, a recipe or an evaluation store.", show_default=False),
+        typer.Argument(
+            help="A network, a folder of them, a pool.toml, a recipe or a store.", show_default=False
+        ),
     ],
     json: JsonOption = False,
 ) -> None:
     """Print what a file is and how it was made.
 
     \b
-    Example:
+    Examples:
       sfkit show merged.safetensors
+      sfkit show checkpoints/
     """
     from sfkit.inspection import inspect_file
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from golden_arrays import golden_arrays
 
 from sfkit.architectures.foundation_stereo import FoundationStereo, foundation_stereo
 
@@ -42,8 +43,7 @@ def partition(goldens: Path) -> dict[str, Any]:
 
 def arrays(goldens: Path, name: str) -> dict[str, np.ndarray]:
     """The golden arrays of one case."""
-    with np.load(goldens / ROOM / f"golden_fs_{name}.npz") as content:
-        return {key: content[key] for key in content.files}
+    return golden_arrays(goldens / ROOM / f"golden_fs_{name}.npz")
 
 
 def images(case: dict[str, np.ndarray]) -> tuple[torch.Tensor, torch.Tensor]:

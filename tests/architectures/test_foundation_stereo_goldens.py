@@ -88,7 +88,7 @@ class Run:
 
 
 @pytest.fixture(scope="module")
-def state(goldens: Path) -> dict[str, torch.Tensor]:
+def state() -> dict[str, torch.Tensor]:
     weights = filled_state("vits")
     for key, tensor in weights.items():
         if tensor.is_floating_point() and any(
@@ -99,13 +99,13 @@ def state(goldens: Path) -> dict[str, torch.Tensor]:
 
 
 @pytest.fixture(scope="module")
-def case(goldens: Path) -> dict[str, np.ndarray]:
-    return arrays(goldens, "vits")
+def case(shipped_goldens: Path) -> dict[str, np.ndarray]:
+    return arrays(shipped_goldens, "vits")
 
 
 @pytest.fixture(scope="module")
-def stages(goldens: Path) -> dict[str, np.ndarray]:
-    return arrays(goldens, "vits_stages")
+def stages(shipped_goldens: Path) -> dict[str, np.ndarray]:
+    return arrays(shipped_goldens, "vits_stages")
 
 
 @pytest.fixture(scope="module")

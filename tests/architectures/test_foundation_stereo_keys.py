@@ -43,10 +43,10 @@ def blocks_of(key: str) -> list[str]:
 
 
 @sizes
-def test_the_state_dict_has_the_published_keys_shapes_and_types(goldens: Path, vit_size: str) -> None:
+def test_the_state_dict_has_the_published_keys_shapes_and_types(shipped_goldens: Path, vit_size: str) -> None:
     state = skeleton(vit_size=vit_size).state_dict()
     ours = {key: (tuple(t.shape), str(t.dtype).removeprefix("torch.")) for key, t in state.items()}
-    assert ours == key_list(goldens, vit_size)
+    assert ours == key_list(shipped_goldens, vit_size)
 
 
 @sizes
@@ -65,8 +65,8 @@ def test_blocks_have_the_published_numbers_of_parameters(vit_size: str) -> None:
 
 
 @sizes
-def test_blocks_have_the_published_numbers_of_keys(goldens: Path, vit_size: str) -> None:
-    published = partition(goldens)["counts"][vit_size]
+def test_blocks_have_the_published_numbers_of_keys(shipped_goldens: Path, vit_size: str) -> None:
+    published = partition(shipped_goldens)["counts"][vit_size]
     expected = {name: published[name]["keys"] for name in ("neck", "cost_volume", "head")}
     expected["backbone"] = published["backbone"]["keys"] + published["backbone_frozen_vit"]["keys"]
     found = dict.fromkeys(expected, 0)
@@ -76,8 +76,8 @@ def test_blocks_have_the_published_numbers_of_keys(goldens: Path, vit_size: str)
 
 
 @sizes
-def test_the_dead_globs_name_exactly_the_keys_without_influence(goldens: Path, vit_size: str) -> None:
-    published = partition(goldens)
+def test_the_dead_globs_name_exactly_the_keys_without_influence(shipped_goldens: Path, vit_size: str) -> None:
+    published = partition(shipped_goldens)
     globs = architecture("foundation-stereo").dead
     dead = {
         key for key in skeleton(vit_size=vit_size).state_dict() if any(fnmatchcase(key, g) for g in globs)
@@ -91,14 +91,14 @@ def test_exactly_the_monocular_branch_is_frozen() -> None:
     assert frozen == {key for key in parameters if key.startswith("feature.dino.")}
 
 
-def test_aliased_keys_share_their_tensor_after_a_strict_load(goldens: Path) -> None:
+def test_aliased_keys_share_their_tensor_after_a_strict_load(shipped_goldens: Path) -> None:
     network = foundation_stereo(vit_size="vits")
     network.load_state_dict({key: t.clone() for key, t in network.state_dict().items()}, strict=True)
     state = network.state_dict()
     by_tensor: dict[int, list[str]] = {}
     for key, tensor in state.items():
         by_tensor.setdefault(tensor.data_ptr(), []).append(key)
-    aliases = {tuple(sorted(pair)) for pair in partition(goldens)["aliases"].items()}
+    aliases = {tuple(sorted(pair)) for pair in partition(shipped_goldens)["aliases"].items()}
     assert len(aliases) == 20
     assert {tuple(sorted(keys)) for keys in by_tensor.values() if len(keys) > 1} == aliases
 

@@ -196,9 +196,9 @@ def test_a_source_whose_vit_differs_is_pointed_out_by_its_tensors(folder: Path, 
     assert other.vectors["b"].shape == other.vectors["c"].shape == (pool.layout.size + 2 * 384,)
 
 
-def test_published_keys_are_what_a_pool_expects(goldens: Path) -> None:
+def test_published_keys_are_what_a_pool_expects(shipped_goldens: Path) -> None:
     """The real key list of ViT-L, with shapes: strict in both directions."""
     entry = architecture("foundation-stereo")
     specs = tensor_specs(entry, entry.resolve({"vit_size": "vitl"}))
     found = {key: spec.shape for spec in specs for key in (spec.key, *spec.aliases)}
-    assert found == {key: shape for key, (shape, _) in key_list(goldens, "vitl").items()}
+    assert found == {key: shape for key, (shape, _) in key_list(shipped_goldens, "vitl").items()}

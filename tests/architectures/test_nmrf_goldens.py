@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
+from golden_arrays import Reduced, golden_arrays
 from nmrf_fill import fill
 
 from sfkit.architectures import NMRF, architecture
@@ -59,8 +60,8 @@ def _cases(dtype: torch.dtype, rules: str) -> Iterator[tuple[str, str, torch.dty
 
 
 @pytest.fixture(scope="module", params=_cases(torch.float32, "AB"), ids=lambda p: f"{p[0]}-{p[1]}")
-def run32(request: pytest.FixtureRequest, goldens: Path) -> Run:
-    return _run(goldens, *request.param)
+def run32(request: pytest.FixtureRequest, shipped_goldens: Path) -> Run:
+    return _run(shipped_goldens, *request.param)
 
 
 # Rule A is the weaker one: it adds nothing that rule B in float64 and both in float32 would not show.
@@ -68,24 +69,26 @@ SLOW_A = [pytest.param(p, marks=pytest.mark.slow) for p in _cases(torch.float64,
 
 
 @pytest.fixture(scope="module", params=[*SLOW_A, *_cases(torch.float64, "B")], ids=lambda p: f"{p[0]}-{p[1]}")
-def run64(request: pytest.FixtureRequest, goldens: Path) -> Run:
-    return _run(goldens, *request.param)
+def run64(request: pytest.FixtureRequest, shipped_goldens: Path) -> Run:
+    return _run(shipped_goldens, *request.param)
 
 
 def _run(goldens: Path, name: str, rule: str, dtype: torch.dtype) -> Run:
     short = name.replace("-", "_")
-    with np.load(goldens / "nmrf" / f"golden_{short}.npz") as file:
-        arrays = dict(file)
+    arrays = golden_arrays(goldens / "nmrf" / f"golden_{short}.npz")
+    cases = [case for case in CASES if f"{case}_{rule}_seeds" in arrays]
+    if not cases:
+        pytest.skip(f"rule {rule} is no part of tests/goldens: SFKIT_GOLDENS names the folder of all")
     network = architecture(name).build()
     assert isinstance(network, NMRF)
     fill(network, rule)
     network.to(dtype).eval()
-    found = {case: _stages(network, arrays, case, rule, dtype) for case in CASES}
-    expected = {case: _of_case(arrays, f"{case}_{rule}_") for case in CASES}
+    found = Reduced({case: _stages(network, arrays, case, rule, dtype) for case in cases})
+    expected = Reduced({case: _of_case(arrays, f"{case}_{rule}_") for case in cases})
     if dtype == torch.float64:
-        with np.load(goldens / "nmrf" / f"golden64_{short}.npz") as file:
-            for case in CASES:
-                expected[case] |= _of_case(dict(file), f"{case}_{rule}_")
+        exact = golden_arrays(goldens / "nmrf" / f"golden64_{short}.npz")
+        for case in cases:
+            expected[case] |= _of_case(exact, f"{case}_{rule}_")
     return Run(rule, found, expected)
 
 

@@ -43,9 +43,9 @@ def networks() -> dict[str, torch.nn.Module]:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_state_dict_is_the_published_one(
-    goldens: Path, networks: dict[str, torch.nn.Module], name: str
+    shipped_goldens: Path, networks: dict[str, torch.nn.Module], name: str
 ) -> None:
-    published = json.loads((goldens / "nmrf" / KEY_FILES[name]).read_text())
+    published = json.loads((shipped_goldens / "nmrf" / KEY_FILES[name]).read_text())
     parameters = dict(networks[name].named_parameters())
     found = {
         key: {

@@ -170,7 +170,18 @@ def test_merge_and_show(shell: Shell, world: Path) -> None:
     assert "weights 0.500 0.500  scale 1.000" in text
     (world / "recipe.json").write_text(read_recipe(world / "merged.safetensors").to_json())
     assert shell.json("show recipe.json")["recipe"] == document["recipe"]
-    assert shell.json("show pool")["members"]["kitti"]["exists"]
+    pool = shell.json("show pool")
+    assert pool["members"]["kitti"]["exists"]
+    assert pool["kinships"]["kitti"]["cosine"] == open_pool("pool").sources[0].kinship.cosine
+    assert sum(pool["blocks"].values()) <= open_pool("pool").layout.size
+    assert "cosine to the base" in shell("show pool")[0]
+    assert shell.json("show pool/a.safetensors")["architectures"] == ["anynet"]
+    (world / "apart").mkdir()
+    for name in ("base", "a", "b"):
+        shutil.copy(world / "pool" / f"{name}.safetensors", world / "apart")
+    folder = shell.json("show apart")
+    assert (folder["architecture"], folder["base"]) == ("anynet", "base.safetensors")
+    assert set(folder["cosines"]) == {"base.safetensors", "a.safetensors", "b.safetensors"}
     shell(f"evaluate pool {PAIRS} --uniform --store s.sqlite")
     assert shell.json("show s.sqlite")["evaluations"] == 1
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 from safetensors.torch import save_file
+from tiny import write_pool
 
 import sfkit
 from sfkit.checkpoints.fingerprints import tensor_digest
@@ -30,7 +31,8 @@ for line in sys.stdin.read().splitlines():
 
 
 def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None:
-    save_file({"weight": torch.ones(3)}, tmp_path / "net.safetensors")
+    pool = sfkit.open_pool(write_pool(tmp_path / "pool"))
+    sfkit.save_merged(pool, pool.equal("a"), tmp_path / "net.safetensors")
     (tmp_path / "pool.toml").write_text(
         'name = "p"\narchitecture = "anynet"\n[base]\nfile = "net.safetensors"\n[sources.a]\nfile = "a.tar"\n'
     )
