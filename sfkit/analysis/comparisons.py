@@ -261,7 +261,7 @@ def _row(
     scores = tuple(_mean(one.score(run, metric=metric) for run in runs) for one in measured)
     by_name = dict(zip((one.benchmark for one in measured), scores, strict=True))
     guided, unseen = (_mean(by_name[one.benchmark] for one in group) for group in (guides, tests))
-    if len({_kind(one, metric) for one in measured}) > 1:
+    if len({Metric.parse(metric or one.metric).kind for one in measured}) > 1:
         guided = math.nan  # a guide by census stands in no distance to errors
     if name == reference:
         return ComparedNetwork(name, scores, guided, unseen, spread=spread)
@@ -274,12 +274,6 @@ def _row(
     differences = tuple(against([one]) for one in measured)
     on_guided, on_unseen = (against(group) if group else None for group in (guides, tests))
     return ComparedNetwork(name, scores, guided, unseen, differences, on_guided, on_unseen, spread)
-
-
-def _kind(one: Measured, metric: str | None) -> tuple[str, bool]:
-    """What scores must share to be subtracted: the unit, and whether they compare with ground truth."""
-    parsed = Metric.parse(metric or one.metric)
-    return parsed.unit, parsed.needs_truth
 
 
 def _mean(values: Iterable[float]) -> float:

@@ -186,20 +186,21 @@ def _labels(one: ComparedColumn) -> Iterator[tuple[str, tuple[str, str]]]:
 
 
 def with_means(table: pd.DataFrame, columns: Sequence[ComparedColumn], unseen: Sequence[str]) -> pd.DataFrame:
-    """The table with the mean over all its benchmarks and that over the ``unseen``; NaN where units differ.
+    """The table with the means over all its benchmarks and over the ``unseen``; NaN where metrics are not of
+    one kind, such as percents of pixels and of census bits.
 
     Args:
         table: its columns are the benchmarks' names.
         columns: the benchmarks.
         unseen: names of those that guided nothing.
     """
-    mean = partial(_mean, table, {one.benchmark: one.unit for one in columns})
+    mean = partial(_mean, table, {one.benchmark: Metric.parse(one.metric).kind for one in columns})
     return table.assign(**{MEAN: mean([one.benchmark for one in columns]), UNSEEN: mean(list(unseen))})
 
 
-def _mean(table: pd.DataFrame, units: Mapping[str, str], names: list[str]) -> pd.Series | float:
-    one_unit = len({units[name] for name in names}) == 1
-    return table[names].mean(axis=1, skipna=False) if one_unit else np.nan
+def _mean(table: pd.DataFrame, kinds: Mapping[str, tuple[str, bool]], names: list[str]) -> pd.Series | float:
+    one_kind = len({kinds[name] for name in names}) == 1
+    return table[names].mean(axis=1, skipna=False) if one_kind else np.nan
 
 
 def _said(value: object, digits: int) -> str:

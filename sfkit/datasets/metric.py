@@ -125,6 +125,11 @@ class Metric:
         """The title of an axis, such as ``bad-1.0 (% of pixels)`` or ``EPE (px)``."""
         return f"{self.label} ({f'% of {self.of}' if self.unit == '%' else self.unit})"
 
+    @property
+    def kind(self) -> tuple[str, bool]:
+        """What scores must share to be averaged or subtracted: the unit, and whether labels are behind it."""
+        return self.unit, self.needs_truth
+
     def ratio(self, image: ImageSums, region: str = "all") -> Ratio:
         """Numerator and denominator of its value over one region of one image.
 
