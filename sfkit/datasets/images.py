@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,9 @@ from sfkit.errors import InputError
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
+_SCAN, _END = 0xDA, 0xD9  # markers after 0xFF
+_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # in a scan, others are data and restarts
+_BLOCK = 8  # pixels; a JPEG's blocks, or half of them where colour is subsampled
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -59,6 +63,11 @@ def decode(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: cannot be decoded ({error}), expected an image") from error
     if pixels is None:
         raise InputError(f"{path}: found no image that can be decoded, expected PNG, JPEG, TIFF, PPM or BMP")
+    if data.startswith(_JPEG) and _filled(pixels):
+        raise InputError(
+            f"{path}: found one colour from the middle of the image on, as of a JPEG that lacks a part, "
+            "expected a whole image; fetch it again, or save it as PNG if it is meant so"
+        )
     return np.asarray(pixels)
 
 
@@ -66,8 +75,45 @@ def _complete(data: bytes) -> bool:
     if data.startswith(_PNG):
         return _png_ends(data)
     if data.startswith(_JPEG):
-        return b"\xff\xd9" in data[-64:]  # some cameras pad the end
+        return _jpeg_ends(data)
     return True
+
+
+def _jpeg_ends(data: bytes) -> bool:
+    """Walk the segments up to the image's own end: that of a thumbnail in one of them is another."""
+    at = 2
+    while at + 4 <= len(data):
+        if data[at] != 0xFF:
+            return False
+        kind = data[at + 1]
+        if kind == 0xFF:  # filling
+            at += 1
+            continue
+        if kind == _END:
+            return True
+        at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+        if kind == _SCAN:
+            match = _MARKER.search(data, at)
+            if match is None:
+                return False
+            at = match.start()
+    return data[at : at + 2] == bytes((0xFF, _END))
+
+
+def _filled(pixels: NDArray[Any]) -> bool:
+    """Whether a JPEG's lower part is the one colour that decoders fill a half image with.
+
+    Blocks that are missing have the brightness of the last one that was there, from the middle of a row of
+    blocks on. Black, white and straight borders, as rectification and padding leave them, are no sign of it.
+    """
+    last = pixels[-1, -1]
+    if pixels.shape[0] < 4 * _BLOCK or not 8 < int(last.max()) < 247:
+        return False
+    other = (pixels != last).reshape(pixels.shape[0], -1).any(axis=1)
+    first = int(np.flatnonzero(other)[-1]) + 1 if other.any() else 0
+    row = pixels[max(first - _BLOCK, 0) : first]
+    starts_inside = bool((row[:, -_BLOCK:] == last).all()) and bool((row[:, :_BLOCK] != last).any())
+    return pixels.shape[0] - first >= 2 * _BLOCK and starts_inside
 
 
 def _png_ends(data: bytes) -> bool:

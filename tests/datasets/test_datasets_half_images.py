@@ -1,0 +1,60 @@
+"""Half an image is none: decoders fill what is missing, and would score it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from sfkit.datasets.images import read_image
+from sfkit.errors import InputError
+
+END = b"\xff\xd9"
+
+
+def photo(size: tuple[int, int] = (120, 160)) -> np.ndarray:
+    noise = np.random.default_rng(1).integers(0, 256, (*size, 3), dtype=np.uint8)
+    return cv2.GaussianBlur(noise, (7, 7), 2.0)
+
+
+def jpeg(pixels: np.ndarray, *flags: int) -> bytes:
+    return bytes(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 90, *flags])[1])
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+@pytest.mark.parametrize("ending", [b"", END, END + b"\0" * 30])
+def test_half_a_jpeg_is_refused(tmp_path: Path, share: float, ending: bytes) -> None:
+    whole = jpeg(photo())
+    assert read_image(_written(tmp_path, whole)).shape == (120, 160, 3)
+    with pytest.raises(
+        InputError, match=r"x\.jpg: found (a file that ends too early|one colour from the middle)"
+    ):
+        read_image(_written(tmp_path, whole[: int(share * len(whole))] + ending))
+
+
+def test_the_end_of_a_thumbnail_is_not_that_of_the_image(tmp_path: Path) -> None:
+    """In a segment of its own at the end of what is there, within the 64 bytes that were looked at."""
+    whole, small = jpeg(photo()), b"\xff\xd8" + b"\0" * 10 + END
+    segment = b"\xff\xe1" + (len(small) + 2).to_bytes(2, "big") + small
+    assert read_image(_written(tmp_path, whole[:2] + segment + whole[2:])).shape == (120, 160, 3)
+    with pytest.raises(InputError, match="ends too early"):
+        read_image(_written(tmp_path, whole[:2] + segment))
+
+
+@pytest.mark.parametrize("border", [0, 114, 255])
+def test_borders_and_progressive_files_are_whole(tmp_path: Path, border: int) -> None:
+    pixels = photo()
+    pixels[60:] = border
+    assert read_image(_written(tmp_path, jpeg(pixels))).shape == (120, 160, 3)
+    flags = (cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_RST_INTERVAL, 4)
+    assert read_image(_written(tmp_path, jpeg(photo(), *flags))).shape == (120, 160, 3)
+    assert read_image(_written(tmp_path, jpeg(photo()) + b"\0" * 40)).shape == (120, 160, 3)
+    grey = jpeg(np.full((64, 64, 3), 120, np.uint8))
+    assert read_image(_written(tmp_path, grey)).shape == (64, 64, 3)
+
+
+def _written(folder: Path, content: bytes) -> Path:
+    (folder / "x.jpg").write_bytes(content)
+    return folder / "x.jpg"
