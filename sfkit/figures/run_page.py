@@ -74,7 +74,7 @@ def _row(folder: str, metric: str, stage: StageOverview) -> str:
 
 def _pictures(stage: StageOverview, metric: str) -> str:
     parts = [
-        _figure(f"{stage.run.stage}: best so far", _best_so_far(stage.best_so_far), "evaluations", metric)
+        _figure(f"{stage.run.stage}: best so far", _best_so_far(stage.best_so_far), "candidates", metric)
     ]
     if stage.importance:
         title = f"{stage.run.stage}: how much the best score rises without a source"
@@ -160,11 +160,12 @@ def _parallel(routes: Sequence[Route]) -> str:
             f"<polyline class='{kind}' points='{points}'>"
             f"<title>{escape(f'evaluation {routes[number].number}: {tip}')}</title></polyline>"
         )
-    for x, name, low, high in zip(xs, names, lows, highs, strict=True):
+    anchors = ["start", *["middle"] * (len(names) - 2), "end"]  # long names stay inside
+    for x, name, low, high, anchor in zip(xs, names, lows, highs, anchors, strict=True):
         lines.append(
             f"<line class='axis' x1='{x:.1f}' x2='{x:.1f}' y1='14' y2='{HEIGHT - BOTTOM - 10}'/>"
             f"<text x='{x:.1f}' y='10' text-anchor='middle'>{high:.2g}</text>"
             f"<text x='{x:.1f}' y='{HEIGHT - BOTTOM + 2}' text-anchor='middle'>{low:.2g}</text>"
-            f"<text x='{x:.1f}' y='{HEIGHT - 8}' text-anchor='middle'>{escape(name)}</text>"
+            f"<text x='{x:.1f}' y='{HEIGHT - 8}' text-anchor='{anchor}'>{escape(name)}</text>"
         )
     return "".join(lines)
