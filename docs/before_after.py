@@ -30,9 +30,8 @@ def error_map(prediction: Map, sample: Sample) -> NDArray[np.uint8]:
     """Errors (H, W, 3): black at 0 px, white at 6 px and beyond, blue where the truth is unknown."""
     error = np.abs(prediction - sample.disparity)
     grey = np.rint(255 * np.clip(np.nan_to_num(error) / 6.0, 0.0, 1.0)).astype(np.uint8)
-    return np.where(np.isnan(error)[..., None], (30, 30, 90), np.repeat(grey[..., None], 3, 2)).astype(
-        np.uint8
-    )
+    painted = np.where(np.isnan(error)[..., None], (30, 30, 90), np.repeat(grey[..., None], 3, 2))
+    return painted.astype(np.uint8)
 
 
 def bad(prediction: Map, sample: Sample) -> float:
@@ -50,10 +49,7 @@ def main(recipe: Path) -> None:
     inputs = sfkit.Evaluator(pool, benchmark).prepared.inputs
     prepared = [inputs.prepare(sample.left, sample.right) for sample in samples]
     models = [sfkit.Compute().model(pool, chosen) for chosen in (pool.uniform(), read_recipe(recipe))]
-    maps = [
-        [one.window.crop(model.disparity(one.left, one.right)).numpy() for model in models]
-        for one in prepared
-    ]
+    maps = [[p.window.crop(m.disparity(p.left, p.right)).numpy() for m in models] for p in prepared]
     scores = [[bad(one, sample) for one in pair] for pair, sample in zip(maps, samples, strict=True)]
     chosen = sorted(range(len(samples)), key=lambda n: scores[n][0] - scores[n][1])[len(samples) // 2]
     sample, (before, after) = samples[chosen], maps[chosen]
@@ -65,9 +61,8 @@ def main(recipe: Path) -> None:
     picture = np.vstack(rows)
     if not cv2.imwrite(str(OUT), picture[..., ::-1], [cv2.IMWRITE_WEBP_QUALITY, 85]):
         raise OSError(f"{OUT}: cannot be written")
-    print(
-        f"{OUT.name}: pair {chosen} of {world}, bad-3.0 {scores[chosen][0]:.1f} % and {scores[chosen][1]:.1f} %"
-    )
+    first, second = scores[chosen]
+    print(f"{OUT.name}: pair {chosen} of {world}, bad-3.0 {first:.1f} % and {second:.1f} %")
 
 
 if __name__ == "__main__":

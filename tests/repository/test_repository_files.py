@@ -96,3 +96,4 @@ def test_the_readme_names_every_task_and_command(texts: dict[str, str]) -> None:
         assert f"make {name}" in texts["README.md"] + texts["CONTRIBUTING.md"]
     for command in ("search", "merge", "evaluate", "baselines", "predict", "show", "data check", "report"):
         assert f"sfkit {command}" in texts["README.md"]
+    assert texts["README.md"].count("\n") < 120, "what it says more belongs to docs/guide.md"
