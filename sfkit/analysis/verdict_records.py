@@ -22,10 +22,10 @@ class Support(enum.Enum):
 
 @dataclass(frozen=True)
 class Against:
-    """The network validation prefers beside a simpler one.
+    """The network validation prefers beside a simpler one, or one of a less simple kind.
 
     Attributes:
-        simpler: the simpler network's name.
+        simpler: the other network's name.
         validation: score minus the simpler one's on validation; None where it has no score.
         tests: the same on the mean of what guided nothing; None where there is none.
         p: of ``tests``, corrected for all networks that were compared (Holm); NaN where it has no interval.
@@ -62,7 +62,7 @@ class Verdict:
         simplest: the simplest network that validation cannot tell from ``preferred``; None where it tells
             ``preferred`` from every simpler one.
         support: what the tests say.
-        compared: ``preferred`` beside every simpler network.
+        compared: ``preferred`` beside every simpler network, and those of a less simple kind.
         candidates: among how many networks validation chose.
         validation: its benchmarks' names.
         pairs: how many pairs these have.

@@ -85,6 +85,9 @@ def _refuse(message: str, code: int, usage: object = None) -> int:
         typer.echo(message, err=True)
         return code
     sentence = " ".join(message.split()).rstrip(".")
+    said = getattr(getattr(usage, "param", None), "help", None)
+    if sentence.startswith("Missing option") and said:  # what to give, not only that something is wanted
+        sentence = f"{sentence}, expected {said.rstrip('.')}"
     context = getattr(usage, "ctx", None)
     if context is not None:
         sentence = f"{sentence.replace('. Did you', '; did you')} ({context.command_path} --help says more)"

@@ -59,3 +59,18 @@ def test_a_stage_2_that_fits_its_pairs_is_overruled(tmp_path: Path) -> None:
     assert told.verdict.preferred == "Stage 1+2"
     assert told.verdict.recommended == "Stage 1"
     assert told.lines[0].startswith("Stage 2 is not supported here: take Stage 1.")
+
+
+def test_a_single_source_that_fits_its_pairs_is_overruled_by_what_holds_elsewhere(tmp_path: Path) -> None:
+    pool, store = open_pool(flat_spec(tmp_path, LEVELS, base=4.5)), EvaluationStore(":memory:")
+    guide = benchmark("guide", tuple(4.9 + n / 100 for n in range(6)), metric="epe")
+    test = benchmark("test", tuple(3.0 + n / 100 for n in range(6)), metric="epe")
+    told = search_verdict(
+        pool,
+        {"Stage 1": pool.equal("one", "five")},
+        [Evaluator(pool, guide, store=store)],
+        [Evaluator(pool, test, store=store)],
+    ).verdict
+    assert told.preferred == "best single (five)", "5 px, where the truth of the guide is 4.9"
+    assert (told.recommended, told.support) == ("Stage 1", Support.OVERRULED)
+    assert told.sentence.startswith("best single (five) is not supported here: take Stage 1.")

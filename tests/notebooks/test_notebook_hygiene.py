@@ -88,3 +88,10 @@ def test_prose_and_code_are_in_balance(notebook: NotebookNode) -> None:
     words = len(re.sub(r"```.*?```", "", prose, flags=re.DOTALL).split())
     lines = sum(bool(line.strip()) for source in code(notebook) for line in source.splitlines())
     assert WORDS_PER_LINE[0] <= words / lines <= WORDS_PER_LINE[1]
+
+
+def test_it_lets_no_rendered_world_stand_in_for_a_users_benchmark(notebook: NotebookNode) -> None:
+    """``bank.worlds`` refuses a pool of one's own without a benchmark: tests/bank/test_bank_worlds.py."""
+    lines = "\n".join(code(notebook))
+    if re.search(r"^pool = ", lines, re.MULTILINE):
+        assert re.search(r"= bank\.worlds\(\s*pool, benchmark", lines)

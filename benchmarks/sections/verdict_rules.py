@@ -1,0 +1,54 @@
+"""What each candidate rule of the verdict would have deployed, on pairs no search saw."""
+
+from __future__ import annotations
+
+import pandas as pd
+import verdict_rules
+
+from sfkit.analysis.tables import markdown_lines
+
+KINDS = ("base", "single source", "equal weights", "routed")
+
+
+def section() -> str:
+    """Tables of whatever ``benchmarks/verdict_rules.py`` has finished.
+
+    Raises:
+        SystemExit: that is nothing.
+    """
+    parts = [_table(name, verdict_rules.results(f"{name}-")) for name in ("bank", "real")]
+    if not any(parts):
+        raise SystemExit("nothing is finished yet: run python benchmarks/verdict_rules.py first (hours)")
+    return "\n\n".join([HEAD, *(part for part in parts if part)])
+
+
+HEAD = f"""## Which rule should a verdict follow?
+
+`python benchmarks/verdict_rules.py` goes on where it was; {len(verdict_rules.jobs())} runs are planned, and what
+follows are those that are finished. In each both stages (M = {verdict_rules.POPULATION}, T = {verdict_rules.GENERATIONS},
+{verdict_rules.EVALUATIONS} evaluations) are guided by a few pairs, and every rule chooses among the same networks.
+Change: the chosen network's score minus that of Stage 1, on the guiding pairs and on unseen data sets, in
+points; **below 0 is better**. With so few runs no two rules are told apart."""
+
+
+def _table(name: str, frame: pd.DataFrame) -> str:
+    if frame.empty:
+        return ""
+    gained, change = (frame[name] - frame[f"{name}:stage1"] for name in ("validation", "unseen"))
+    frame = frame.assign(gained=gained, change=change)
+    rows, runs = [], len(frame) // frame["rule"].nunique()
+    for rule, part in frame.groupby("rule", sort=False):
+        took = part["rung"].value_counts().sort_index()
+        kinds = ", ".join(f"{count} {KINDS[int(rung)]}" for rung, count in took.items())
+        better = f"{(part['change'] < 0).sum()} of {len(part)}"
+        mean, worst = part["change"].mean(), part["change"].max()
+        told = verdict_rules.RULES[str(rule)]
+        rows.append((told, kinds, f"{part['gained'].mean():+.2f}", f"{mean:+.2f}", f"{worst:+.2f}", better))
+    columns = ("rule", "what it took", "on validation", "on unseen", "worst run", "better than Stage 1")
+    return f"### {TITLES[name]}\n\n{runs} runs.\n\n{markdown_lines(columns, rows)}"
+
+
+TITLES = {
+    "bank": "On the embedded bank, bad-3.0, three other worlds unseen",
+    "real": "On the real AnyNet pool, bad-1.0, three of five pairs guide and two are unseen",
+}
