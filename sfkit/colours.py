@@ -66,6 +66,16 @@ _HATCH = ((118, 118, 118), (158, 158, 158))
 _HATCH_PERIOD = 8
 
 
+def share_position(share: float) -> float:
+    """Where a share stands on :data:`SHARE`: at its square root, so that the small ones differ, too."""
+    return float(np.sqrt(min(max(share, 0.0), 1.0)))
+
+
+def share_scale() -> list[list[float | str]]:
+    """:data:`SHARE` as plotly writes it, with shares where :func:`share_position` puts them."""
+    return [[float(at) ** 2, colour] for at, colour in plotly_scale(SHARE)]
+
+
 def plotly_scale(stops: Stops) -> list[list[float | str]]:
     """The colour map as plotly writes it."""
     last = len(stops) - 1

@@ -23,7 +23,9 @@ def whole_ticks(first: int, last: int, most: int = 8) -> list[int]:
 
 
 def log_ticks(values: Iterable[float]) -> list[float]:
-    """1, 2 and 5 times powers of ten around the positive values; their ends where that gives too few."""
+    """1, 2 and 5 times powers of ten around the positive values; round numbers evenly apart where that gives
+    too few.
+    """
     positive = [value for value in values if 0.0 < value < math.inf]
     if not positive:
         return []
@@ -31,4 +33,12 @@ def log_ticks(values: Iterable[float]) -> list[float]:
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ticks = (digit * 10.0**decade for decade in decades for digit in (1, 2, 5))
     round_ones = [tick for tick in ticks if low <= tick <= high]
-    return round_ones if len(round_ones) > 1 else sorted({min(positive), max(positive)})
+    return round_ones if len(round_ones) > 1 else round_ticks(low, high)
+
+
+def round_ticks(low: float, high: float, most: int = 5) -> list[float]:
+    """At most ``most`` numbers between two ends, 1, 2 or 5 times a power of ten apart."""
+    power = 10.0 ** math.floor(math.log10((high - low) / most))
+    step = next(digit * power for digit in (1, 2, 5, 10) if (high - low) / (digit * power) <= most - 1)
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [float(f"{number * step:.12g}") for number in range(first, last + 1)]

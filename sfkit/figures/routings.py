@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from sfkit.analysis.labels import score_text
 from sfkit.analysis.routings import RoutingTrace
-from sfkit.colours import SHARE, colour_at, plotly_scale, text_on
+from sfkit.colours import SHARE, colour_at, share_position, share_scale, text_on
 from sfkit.errors import InputError
 from sfkit.figures.theme import ACCENT, LOOKS, finish, read_theme, series_style
 
@@ -111,6 +111,10 @@ def scales_figure(trace: RoutingTrace, *, theme: str = "auto", height: int | Non
     )
 
 
+def _text_colour(weight: float) -> str:
+    return text_on(colour_at(SHARE, share_position(weight)))
+
+
 def _chosen(trace: RoutingTrace, evaluation: int | None) -> int:
     if evaluation is None and trace.best < 0:
         raise InputError("routing: found no evaluation with a finite score, expected one: name evaluation=0")
@@ -132,7 +136,7 @@ def _heatmap(figure: go.Figure, trace: RoutingTrace, chosen: int) -> None:
             z=weights.tolist(),
             zmin=0,
             zmax=1,
-            colorscale=plotly_scale(SHARE),
+            colorscale=share_scale(),
             showscale=False,
             xgap=2,
             ygap=2,
@@ -149,7 +153,7 @@ def _heatmap(figure: go.Figure, trace: RoutingTrace, chosen: int) -> None:
             y=[rows[b] for _, b in cells],
             text=[f"{weights[b, e]:.2f}" for e, b in cells],
             mode="text",
-            textfont={"color": [text_on(colour_at(SHARE, float(weights[b, e]))) for e, b in cells]},
+            textfont={"color": [_text_colour(float(weights[b, e])) for e, b in cells]},
             hoverinfo="skip",
             showlegend=False,
             name="weight in figures",

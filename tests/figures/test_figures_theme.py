@@ -33,6 +33,13 @@ WHITE, NIGHT = (255, 255, 255), (17, 17, 17)
 PAGES = {Theme.LIGHT: [WHITE], Theme.DARK: [NIGHT], Theme.AUTO: [WHITE, NIGHT]}
 
 
+def under(paper: str, page: tuple[int, int, int]) -> tuple[int, int, int]:
+    """What one sees of a page through a paper."""
+    *colour, opacity = (float(part) for part in paper.removeprefix("rgba(").removesuffix(")").split(","))
+    red, green, blue = (round(opacity * c + (1 - opacity) * p) for c, p in zip(colour, page, strict=True))
+    return red, green, blue
+
+
 def rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
@@ -50,21 +57,24 @@ def contrast(one: tuple[int, int, int], other: tuple[int, int, int]) -> float:
 
 @pytest.mark.parametrize("theme", list(Theme))
 def test_text_reads_on_every_page_of_its_theme(theme: Theme) -> None:
-    least = 4.0 if theme is Theme.AUTO else 7.0
+    look = LOOKS[theme]
     for page in PAGES[theme]:
-        assert contrast(rgb(LOOKS[theme].ink), page) >= least
-        assert contrast(rgb(LOOKS[theme].muted), page) >= 4.0
+        seen = under(look.paper, page)
+        assert contrast(rgb(look.ink), seen) >= 7.0
+        assert contrast(rgb(look.muted), seen) >= 4.5
 
 
 @pytest.mark.parametrize("colour", [*SERIES, ACCENT, WARM, FAILED])
 def test_lines_and_marks_read_on_light_and_dark(colour: str) -> None:
-    assert min(contrast(rgb(colour), page) for page in (WHITE, NIGHT)) >= 3.0
+    card = under(LOOKS[Theme.AUTO].paper, NIGHT)
+    assert min(contrast(rgb(colour), page) for page in (WHITE, NIGHT, card)) >= 3.0
 
 
 @pytest.mark.parametrize("theme", ["light", "dark", "auto"])
-def test_templates_are_transparent_and_not_plotlys_own(theme: str) -> None:
+def test_templates_have_their_theme_s_paper_and_not_plotlys_own(theme: str) -> None:
     layout = template(theme).layout
-    assert layout.paper_bgcolor == layout.plot_bgcolor == "rgba(0,0,0,0)"
+    assert layout.plot_bgcolor == "rgba(0,0,0,0)"
+    assert layout.paper_bgcolor == LOOKS[Theme(theme)].paper
     assert layout.font.color == LOOKS[Theme(theme)].ink
     assert layout.xaxis.gridcolor == layout.yaxis.gridcolor == LOOKS[Theme(theme)].rule
 

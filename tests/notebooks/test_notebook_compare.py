@@ -46,9 +46,17 @@ def test_what_merging_fixes_and_breaks(folder: Path) -> None:
         assert table.loc[pair, "broken"] == pytest.approx(BROKEN[pair], abs=0.02), pair
 
 
-def test_the_saved_widget_shows_the_last_state(executed: NotebookNode) -> None:
+def test_each_widget_shows_what_its_text_says(executed: NotebookNode) -> None:
     entries = executed.metadata["widgets"][STATE]["state"].values()
-    (shown,) = [entry for entry in entries if "scene" in entry["state"]]
+    views = [entry for entry in entries if "scene" in entry["state"]]
+    seen = [(view["state"]["arrangement"], view["state"]["shown"]) for view in views]
+    assert sorted(seen) == [
+        ("side by side", "better"),
+        ("side by side", "disparity"),
+        ("side by side", "error"),
+        ("swipe", "error"),
+    ]
+    shown = views[seen.index(("swipe", "error"))]
     state: dict[str, Any] = shown["state"]
     assert state["scene"]["pair"] == "courtyard-01"
     assert (state["arrangement"], state["shown"]) == ("swipe", "error")
@@ -73,10 +81,11 @@ def test_both_figures_were_drawn_and_nothing_complained(executed: NotebookNode) 
 
 
 @pytest.mark.browser
-def test_the_report_shows_both_views_without_a_kernel(browser: Browser, folder: Path) -> None:
+def test_the_report_shows_all_views_without_a_kernel(browser: Browser, folder: Path) -> None:
     with opened(browser, folder / "report.html") as page:
+        assert page.locator(".sfkit").count() == 4
         views = page.locator(".sfkit[data-pair='courtyard-01']")
         assert views.count() == 2
-        assert views.locator("canvas").count() == 6
+        assert views.locator("canvas").count() == 5 + 3
         views.nth(1).get_by_role("button", name="side by side").click()
         views.nth(1).locator("canvas").nth(4).wait_for()

@@ -19,6 +19,7 @@ from sfkit.colours import (
     error_position,
     paint,
     picked,
+    share_position,
     text_on,
 )
 
@@ -64,7 +65,7 @@ def error_legend(threshold: float, unit: str) -> dict[str, Any]:
 
 def share_colours() -> list[list[str]]:
     """Background and text colour of the weights 0, 0.01, ..., 1."""
-    colours = [colour_at(SHARE, step / (_SHADES - 1)) for step in range(_SHADES)]
+    colours = [colour_at(SHARE, share_position(step / (_SHADES - 1))) for step in range(_SHADES)]
     return [[f"rgb({r},{g},{b})", text_on((r, g, b))] for r, g, b in colours]
 
 

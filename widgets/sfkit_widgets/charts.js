@@ -22,11 +22,14 @@ import {
  * @property {boolean} [step] hold each value until the next
  * @property {number} [width] of the line in pixels
  * @property {boolean} [quiet] not in the legend
+ * @property {string} [help] what it is, said where the pointer rests on its name
  */
 
 /**
  * @typedef {object} Chart
  * @property {string} title
+ * @property {string} [help] what its values are, said where the pointer rests on the title
+ * @property {string} [xHelp] the same of x
  * @property {string} xName what x counts, such as "generation"
  * @property {number[]} x ascending
  * @property {Series[]} series
@@ -98,8 +101,9 @@ export function lineChart(chart) {
     element(
       "span",
       { class: "sfkit-chart-title" },
-      chart.title,
-      element("span", { class: "sfkit-chart-by" }, ` by ${chart.xName}`),
+      explained(chart.title, chart.help),
+      " ",
+      element("span", { class: "sfkit-chart-by" }, "by ", explained(chart.xName, chart.xHelp)),
     ),
     ...chart.series.filter(({ quiet }) => !quiet).map(legend),
     readout,
@@ -187,8 +191,17 @@ function upright(x, height, kind) {
   return svg("line", { x1: x, x2: x, y1: TOP, y2: height - BOTTOM, class: kind });
 }
 
+/**
+ * Words with what they mean for whoever rests the pointer on them.
+ * @param {string} words
+ * @param {string} [help]
+ */
+export function explained(words, help) {
+  return help ? element("abbr", { title: help, class: "sfkit-chart-help" }, words) : words;
+}
+
 /** @param {Series} series */
-function legend({ name, colour, dash, dots }) {
+export function legend({ name, colour, dash, dots, help }) {
   const key = svg("svg", { viewBox: "0 0 20 8", class: "sfkit-chart-key", "aria-hidden": "true" });
   const style = dots ? `fill: ${colour}` : `stroke: ${colour}; stroke-width: 2.5`;
   const pattern = DASH_PATTERNS[dash ?? ""] ?? null;
@@ -197,7 +210,7 @@ function legend({ name, colour, dash, dots }) {
       ? svg("circle", { cx: 10, cy: 4, r: 3, style })
       : svg("path", { d: "M0 4H20", style, "stroke-dasharray": pattern }),
   );
-  return element("span", { class: "sfkit-chart-legend" }, key, name);
+  return element("span", { class: "sfkit-chart-legend" }, key, explained(name, help));
 }
 
 /** @param {Chart} chart */

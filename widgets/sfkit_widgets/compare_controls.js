@@ -22,7 +22,10 @@ export function choiceButtons(label, choices, choose, signal) {
   const rename = (/** @type {string} */ value, /** @type {string} */ text) => {
     for (const button of buttons) if (button.dataset.value === value) button.textContent = text;
   };
-  return { group, update, rename };
+  const offer = (/** @type {string} */ value, /** @type {boolean} */ possible) => {
+    for (const button of buttons) if (button.dataset.value === value) button.hidden = !possible;
+  };
+  return { group, update, rename, offer };
 }
 
 /**

@@ -22,7 +22,7 @@ import { clamp } from "./_shared.js";
  * @property {() => void} say read the values out
  */
 
-const STEP = 1.25;
+export const STEP = 1.2;
 const STILL = 4; // px a pointer may move and still click
 const NEAR_DIVIDER = 14; // px
 
@@ -82,7 +82,7 @@ export function listenToMouse(on, signal) {
       // Elsewhere the wheel scrolls the notebook.
       if (!panel || !(event.ctrlKey || area.matches(":focus"))) return;
       event.preventDefault();
-      zoomAt(on, STEP ** -clamp(event.deltaY / 60, -2, 2), panel.under(event, on.camera(), on.image()));
+      zoomAt(on, STEP ** -clamp(event.deltaY / 120, -1, 1), panel.under(event, on.camera(), on.image()));
     },
     { signal, passive: false },
   );
@@ -90,7 +90,7 @@ export function listenToMouse(on, signal) {
     "dblclick",
     (event) => {
       const panel = on.panelOf(event.target);
-      if (panel) zoomAt(on, 2, panel.under(event, on.camera(), on.image()));
+      if (panel) zoomAt(on, STEP ** 2, panel.under(event, on.camera(), on.image()));
     },
     { signal },
   );

@@ -1,5 +1,6 @@
 // The parts of DisparityCompare on the page, and what its controls do.
 
+import { STEP } from "./compare_gestures.js";
 import { actionButton, choiceButtons, choiceList, numberInput } from "./compare_controls.js";
 import { element } from "./_shared.js";
 
@@ -85,9 +86,9 @@ export function layOut(body, act, signal) {
     parts.shown.group,
     group(parts.first.whole, button("⇄", "exchange A and B", act.exchange), parts.second.whole),
     group(
-      button("−", "zoom out", () => act.zoom(0.8)),
+      button("−", "zoom out", () => act.zoom(1 / STEP)),
       parts.zoom,
-      button("+", "zoom in", () => act.zoom(1.25)),
+      button("+", "zoom in", () => act.zoom(STEP)),
       button("all", "show the whole image", () => act.set({ camera: {} })),
     ),
     group(

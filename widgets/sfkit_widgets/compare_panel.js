@@ -10,6 +10,7 @@ import { element } from "./_shared.js";
 /** @typedef {{camera: Camera, image: Size, cursor: number[], divider: number,
  *   box: {x: number, y: number, width: number, height: number} | null}} Frame */
 
+const BOX = "#ff5cf4"; // of no colour map
 const SHARPEST = 2; // canvas pixels for one of the page, at most
 
 export class Panel {
@@ -114,9 +115,15 @@ export class Panel {
   /** @param {number} divider */
   line(divider) {
     const x = Math.round(divider * this.canvas.width);
+    const [middle, reach] = [this.canvas.height / 2, 9];
     this.stroke(() => {
       this.context.moveTo(x, 0);
       this.context.lineTo(x, this.canvas.height);
+      for (const side of [-1, 1]) {
+        this.context.moveTo(x + side * 5, middle - reach);
+        this.context.lineTo(x + side * (5 + reach), middle);
+        this.context.lineTo(x + side * 5, middle + reach);
+      }
     });
   }
 
@@ -127,7 +134,7 @@ export class Panel {
     const place = (/** @type {number} */ x, /** @type {number} */ y) => [(x - part.x) * scale, (y - part.y) * scale];
     if (box) {
       const [x, y] = place(box.x, box.y);
-      this.stroke(() => this.context.rect(x - 2, y - 2, box.width * scale + 4, box.height * scale + 4));
+      this.corners(x - 2, y - 2, box.width * scale + 4, box.height * scale + 4);
     }
     if (cursor.length === 2) {
       const [x, y] = place(cursor[0] + 0.5, cursor[1] + 0.5);
@@ -142,11 +149,35 @@ export class Panel {
   }
 
   /**
-   * White on black reads on every colour.
-   * @param {() => void} path
+   * The corners of a box, in a colour of their own: no edge of it is like a divider.
+   * @param {number} x
+   * @param {number} y
+   * @param {number} width
+   * @param {number} height
    */
-  stroke(path) {
-    for (const [style, width] of [["#000000", 4], ["#ffffff", 1.5]]) {
+  corners(x, y, width, height) {
+    const arm = Math.max(6, Math.min(width, height, 72) / 3);
+    this.stroke(() => {
+      for (const [cx, cy, right, down] of [
+        [x, y, 1, 1],
+        [x + width, y, -1, 1],
+        [x, y + height, 1, -1],
+        [x + width, y + height, -1, -1],
+      ]) {
+        this.context.moveTo(cx + right * arm, cy);
+        this.context.lineTo(cx, cy);
+        this.context.lineTo(cx, cy + down * arm);
+      }
+    }, BOX);
+  }
+
+  /**
+   * Light on black reads on every colour.
+   * @param {() => void} path
+   * @param {string} colour
+   */
+  stroke(path, colour = "#ffffff") {
+    for (const [style, width] of /** @type {[string, number][]} */ ([["#000000", 4.5], [colour, 2]])) {
       this.context.beginPath();
       path();
       Object.assign(this.context, { strokeStyle: style, lineWidth: width });

@@ -186,6 +186,12 @@ class Compare {
     }, SAY_AFTER);
   }
 
+  /** What is drawn: where a network is better is a picture of its own, with nothing to swipe or blink to. */
+  shown() {
+    const { shown, arrangement } = this.look.now;
+    return shown === "better" && arrangement !== "side by side" ? "error" : shown;
+  }
+
   /** Draw with the next frame. */
   ask() {
     if (this.frame) return;
@@ -209,7 +215,7 @@ class Compare {
     if (!drawn && this.again) this.ask();
     this.again = drawn;
     this.once("values", [cursor, first], () => fillValues(this.parts.table, this.pictures, cursor, first));
-    const shown = this.look.now.shown;
+    const shown = this.shown();
     this.once("bars", [shown, this.limits()], () =>
       this.parts.bars.replaceChildren(...colourBars(this.pictures, shown, this.limits())),
     );
@@ -262,7 +268,7 @@ class Compare {
   /** @returns {import("./compare_contents.js").Shown} */
   content() {
     const [first, second] = this.chosen();
-    return { pictures: this.pictures, shown: this.look.now.shown, limits: this.limits(), first, second };
+    return { pictures: this.pictures, shown: this.shown(), limits: this.limits(), first, second };
   }
 
   turnOver() {
@@ -273,12 +279,13 @@ class Compare {
 
   showControls() {
     const { parts, look } = this;
-    const { arrangement, shown, divider } = look.now;
+    const { arrangement, divider } = look.now;
     const [first, second] = this.chosen().map((number) => this.names()[number]);
     const limits = this.limits();
     parts.pair.update(this.model.get("pairs"), this.pictures.scene.pair);
     parts.arrangement.update(arrangement);
-    parts.shown.update(shown);
+    parts.shown.update(this.shown());
+    parts.shown.offer("better", arrangement === "side by side");
     parts.shown.rename("error", this.pictures.scene.kind);
     parts.first.update(this.names(), first);
     parts.second.update(this.names(), second);

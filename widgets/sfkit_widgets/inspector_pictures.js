@@ -28,7 +28,12 @@ export class Picture {
     this.image = element("img", { alt: "", class: "picture-image", draggable: "false" });
     this.words = element("span", { class: "picture-words" }, caption);
     this.caption = element("figcaption", {}, this.words);
-    this.figure = element("figure", { class: "picture" }, this.caption, this.image);
+    this.button = element(
+      "button",
+      { type: "button", class: "picture-button", "aria-pressed": "false", title: "Enlarge, or make small again" },
+      this.image,
+    );
+    this.figure = element("figure", { class: "picture" }, this.caption, this.button);
     this.url = "";
     /** @type {DataView | null} */
     this.bytes = null;
@@ -117,6 +122,9 @@ export function pictures(view, model) {
     keys.disparity.show(model.get("legends").disparity, "disparity");
     keys.error.show(model.get("legends").error, model.get("captions").error);
   });
+  for (const { button } of [left, truth, disparity, error]) {
+    button.addEventListener("click", () => enlarge(button, [left, truth, disparity, error]), { signal: view.signal });
+  }
   view.signal.addEventListener("abort", () => {
     for (const picture of [left, truth, disparity, error]) picture.free();
   });
@@ -126,6 +134,16 @@ export function pictures(view, model) {
     element("div", { class: "pictures-bar" }, element("label", {}, "pair ", choose), shows.bar),
     element("div", { class: "pictures-grid" }, ...[left, truth, disparity, error].map(({ figure }) => figure)),
   );
+}
+
+/**
+ * One picture at most is large, above the others.
+ * @param {HTMLButtonElement} chosen
+ * @param {Picture[]} all
+ */
+function enlarge(chosen, all) {
+  const large = chosen.getAttribute("aria-pressed") !== "true";
+  for (const { button } of all) button.setAttribute("aria-pressed", String(large && button === chosen));
 }
 
 /** Which recipe the pictures show: the edited one, a pin, or pins in turn. */

@@ -7,7 +7,7 @@ import { newGesture } from "./inspector_grid.js";
 /** @typedef {import("./_shared.js").View} View */
 
 const WIDTH = 1000; // of the chart's own coordinates
-const HEIGHT = 60;
+const HEIGHT = 90;
 const MARGIN = 4;
 const MOST_POINTS = 400;
 const SVG = "http://www.w3.org/2000/svg";
@@ -129,12 +129,29 @@ export function trialScrubber(view, model) {
     marker.setAttribute("x1", String(x));
     marker.setAttribute("x2", String(x));
   });
+  const [high, low, unit, first, last] = ["", "", "", "", ""].map((text) => element("span", {}, text));
+  view.watch(["trials", "metric"], () => {
+    const { score } = model.get("trials");
+    const [best, worst] = ends(score);
+    const { unit: of } = model.get("metric");
+    high.textContent = worst === undefined ? "" : `≥ ${worst.toFixed(1)}`;
+    low.textContent = best === undefined ? "" : best.toFixed(1);
+    unit.textContent = of;
+    first.textContent = "trial 0";
+    last.textContent = String(Math.max(0, score.length - 1));
+  });
   const box = element(
     "div",
     { class: "trials" },
     element("div", { class: "trials-bar" }, words, best, more),
-    element("div", { class: "trials-chart" }, chart),
-    slider,
+    element(
+      "div",
+      { class: "trials-plot" },
+      element("div", { class: "trials-y", "aria-hidden": "true" }, high, unit, low),
+      element("div", { class: "trials-chart" }, chart),
+      slider,
+      element("div", { class: "trials-x", "aria-hidden": "true" }, first, last),
+    ),
     key,
   );
   view.watch(["trials"], () => (box.hidden = model.get("trials").score.length === 0));

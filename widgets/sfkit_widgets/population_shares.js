@@ -36,7 +36,7 @@ import { element } from "./_shared.js";
  * @param {number} sources
  */
 export function sourceColumns(sources) {
-  return `38px repeat(${sources}, minmax(12px, 34px)) minmax(66px, 120px)`;
+  return `38px repeat(${sources}, minmax(12px, 1fr)) 96px`;
 }
 
 /**

@@ -1,7 +1,7 @@
 // RoutingView: one recipe of Stage 2 as a heatmap with its scales, and how all of it moved.
 
 import { element, mount, standsUpright } from "./_shared.js";
-import { onWidth, showCharts } from "./charts.js";
+import { explained, legend, onWidth, showCharts } from "./charts.js";
 
 /** @typedef {import("./charts.js").Chart} Chart */
 /** @typedef {Omit<Chart, "title" | "series">} Common what charts over evaluations share */
@@ -35,6 +35,19 @@ const BESIDE_COLUMNS = 170; // px of the heatmap that blocks and scales take
 const NARROWEST = 36; // px of a source's column
 const LETTER = 8; // px of one in the head, its share of the margins included
 
+const HELP = {
+  evaluation: "One recipe scored on all validation pairs, numbered from 0",
+  candidate: "A recipe the search tried",
+  best: "The candidate with the lowest score up to here",
+  weights: "Share of each source in a block's merged task vector; the weights of a block sum to 1",
+  scale: "Factor on a block's merged task vector; 1 takes it as it is",
+  distribution: "CMA-ES draws candidates from a normal distribution in x, the weights and scales as it encodes them",
+  sigma: "Overall spread of the distribution candidates are drawn from; it shrinks as the search settles",
+  axes:
+    "Spread along each main axis of the distribution, shortest to longest: far apart where some directions matter " +
+    "more than others",
+};
+
 /** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
 function render(host) {
   const { root, body, watch, signal, close } = mount(host, { label: "Routing", kind: "routing" });
@@ -45,14 +58,24 @@ function render(host) {
   const bar = element("div", { class: "sfkit-routing-bar" });
   bar.append(element("label", {}, "Evaluation ", slider), which, best);
   const heat = element("div", { class: "sfkit-routing-heat", role: "group", "aria-label": "Recipe on show" });
-  const left = element("div", {});
-  const right = element("div", {});
-  const content = element("div", { class: "sfkit-routing-content" }, left, right);
-  const scales = element("div", { class: "sfkit-charts" });
-  const weights = element("div", { class: "sfkit-charts" });
-  const distribution = element("div", { class: "sfkit-charts" });
-  left.append(bar, heat, scales);
-  right.append(distribution, weights);
+  const charts = () => element("div", { class: "sfkit-charts" });
+  const [score, weights, scales, distribution] = [charts(), charts(), charts(), charts()];
+  const recipe = element("div", {}, bar, heat);
+  const top = element("div", { class: "sfkit-routing-top" }, recipe, score);
+  const [weightsHead, scalesHead, distributionHead] = [1, 2, 3].map(() =>
+    element("div", { class: "sfkit-routing-section", role: "heading", "aria-level": 4 }),
+  );
+  const content = element(
+    "div",
+    { class: "sfkit-routing-content" },
+    top,
+    weightsHead,
+    weights,
+    scalesHead,
+    scales,
+    distributionHead,
+    distribution,
+  );
   body.append(empty, content);
 
   let shown = -1; // position in `drawn`; the best so far until another is chosen
@@ -82,10 +105,19 @@ function render(host) {
     heat.replaceChildren(heatmap(now, at, (heat.clientWidth - BESIDE_COLUMNS) / LETTER));
     heat.tabIndex = heat.scrollWidth > heat.clientWidth ? 0 : -1; // to scroll it by keyboard
     const pick = (/** @type {number} */ evaluation) => choose(now.drawn.indexOf(evaluation));
-    const common = { xName: "evaluation", x: now.drawn, at: number, pick };
+    const common = { xName: "evaluation", xHelp: HELP.evaluation, x: now.drawn, at: number, pick };
+    showCharts(score, [scoreChart(now, common)]);
+    const ofWeights = weightCharts(now, common);
+    weightsHead.replaceChildren(
+      explained("Weights of the best so far (fraction)", HELP.weights),
+      ...ofWeights[0].series.map(legend),
+    );
+    showCharts(weights, ofWeights.map(quiet));
+    const ofScales = scaleCharts(now, common);
+    scalesHead.replaceChildren(explained("Module scales (factor)", HELP.scale), ...ofScales[0].series.map(legend));
+    showCharts(scales, ofScales.map(quiet));
+    distributionHead.replaceChildren(explained("Where the search looks", HELP.distribution));
     showCharts(distribution, distributionCharts(now, common));
-    showCharts(weights, weightCharts(now, common));
-    showCharts(scales, scaleCharts(now, common));
   }
 
   watch("trace", draw);
@@ -133,6 +165,29 @@ export function ofIncumbent(values, incumbent) {
 }
 
 /**
+ * The chart without a legend, which stands once over all of its kind.
+ * @param {Chart} chart
+ * @returns {Chart}
+ */
+function quiet(chart) {
+  return { ...chart, series: chart.series.map((series) => ({ ...series, quiet: true })) };
+}
+
+/**
+ * @param {Trace} now
+ * @param {Common} common
+ * @returns {Chart}
+ */
+function scoreChart(now, common) {
+  const best = ofIncumbent(now.score, now.incumbent);
+  const series = [
+    { name: "candidate", help: HELP.candidate, y: now.score, colour: "var(--sf-mark-warm)", dots: true },
+    { name: "best so far", help: HELP.best, y: best, colour: MARK, step: true },
+  ];
+  return { ...common, title: now.metric, height: 190, series };
+}
+
+/**
  * @param {Trace} now
  * @param {Common} common
  * @returns {Chart[]}
@@ -147,15 +202,10 @@ function distributionCharts(now, common) {
     const dash = n === 0 && longest > 0 ? "dash" : "";
     return { name: names[n], y, colour, dash, width: inner(n) ? 0.8 : 2, step: true, quiet: inner(n) };
   };
-  const score = [
-    { name: "candidate", y: now.score, colour: "var(--sf-mark-warm)", dots: true },
-    { name: "best so far", y: ofIncumbent(now.score, now.incumbent), colour: MARK, step: true },
-  ];
   const sigma = [{ name: "σ", y: now.sigma, colour: MARK, step: true, quiet: true }];
   return [
-    { ...common, title: now.metric, series: score },
-    { ...iterations, title: "Step size σ (in x)", series: sigma },
-    { ...iterations, title: "Axis lengths (in x)", series: now.axes.map(axis) },
+    { ...iterations, title: "Step size σ (in x)", help: HELP.sigma, series: sigma },
+    { ...iterations, title: "Axis lengths (in x)", help: HELP.axes, series: now.axes.map(axis) },
   ];
 }
 
@@ -168,14 +218,14 @@ function weightCharts(now, common) {
   const rows = now.weights[0].map((_, b) => (now.tied ? "all blocks" : now.blocks[b]));
   return rows.map((name, b) => ({
     ...common,
-    title: `Weights of the best so far, ${name} (fraction)`,
-    height: rows.length > 1 ? 90 : 130,
+    title: name,
+    height: 130,
     range: [-0.02, 1.02],
     yTicks: [0, 0.5, 1],
     series: now.sources.map((source, e) => {
       const y = ofIncumbent(now.weights.map((weights) => weights[b][e]), now.incumbent);
       const { color, dash } = now.colours[e];
-      return { name: source, y, colour: color, dash, step: true, quiet: b > 0 };
+      return { name: source, y, colour: color, dash, step: true };
     }),
   }));
 }
@@ -192,13 +242,13 @@ function scaleCharts(now, common) {
     const y = now.scales.map((scales) => scales[b]);
     return {
       ...common,
-      title: `Scale of ${block} (factor)`,
-      height: 84,
+      title: block,
+      height: 110,
       range: [low - margin, high + margin],
       yTicks: [low, 1, high],
       series: [
-        { name: "candidate", y, colour: MARK, dots: true, quiet: b > 0 },
-        { name: "best so far", y: ofIncumbent(y, now.incumbent), colour: MARK, step: true, quiet: b > 0 },
+        { name: "candidate", help: HELP.candidate, y, colour: "var(--sf-mark-warm)", dots: true },
+        { name: "best so far", help: HELP.best, y: ofIncumbent(y, now.incumbent), colour: MARK, step: true },
       ],
     };
   });

@@ -10,14 +10,14 @@ import traitlets
 
 from sfkit.analysis.labels import metric_label, score_text
 from sfkit.analysis.routings import RoutingTrace
-from sfkit.colours import SHARE, colour_at, text_on
+from sfkit.colours import SHARE, colour_at, share_position, text_on
 from sfkit.figures.theme import series_style
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
 from sfkit_widgets._still_sheets import routing_sheet
 
-SHADES = 32
+SHADES = 101
 """Steps of the heatmap's colour map that reach the browser."""
 
 
@@ -106,7 +106,7 @@ def _held(places: list[int | None]) -> list[int | None]:
 
 
 def _shade(position: float) -> list[str]:
-    colour = colour_at(SHARE, position)
+    colour = colour_at(SHARE, share_position(position))
     return [f"rgb({colour[0]} {colour[1]} {colour[2]})", text_on(colour)]
 
 

@@ -66,13 +66,22 @@ function controlButton([name, text, tip, path]) {
   return element("button", attributes, icon, text);
 }
 
+/** @type {Record<string, string>} */
+const MEANS = {
+  generation: "Candidates are proposed a generation at a time",
+  evaluations: "Recipes that were scored on all validation pairs",
+  "from the store": "Of these, scores an earlier search had left in the evaluation store",
+  failed: "Of these, recipes without a finite score",
+  repeated: "Candidates this search had asked for before; they cost nothing again",
+};
+
 /**
  * @param {string} name
  * @param {string} value
  */
 function figure(name, value) {
   // No dl: JupyterLab lays those out its own way.
-  const label = element("span", { class: "sfkit-control-label" }, name);
+  const label = element("span", { class: "sfkit-control-label", title: MEANS[name] ?? null }, name);
   return element("div", { role: "listitem" }, label, element("span", { "data-figure": name }, value));
 }
 
