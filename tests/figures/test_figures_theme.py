@@ -162,5 +162,6 @@ def test_ticks() -> None:
     assert whole_ticks(0, 15) == [0, 2, 4, 6, 8, 10, 12, 14]
     assert whole_ticks(1, 6) == [1, 2, 3, 4, 5, 6]
     assert log_ticks([0.13, 0.5, 0.0, float("inf")]) == pytest.approx([0.2, 0.5])
-    assert log_ticks([0.3, 0.32]) == [0.3, 0.32]
+    assert log_ticks([0.3, 0.32]) == [0.25, 0.3, 0.35, 0.4]
+    assert log_ticks([0.423, 0.5]) == [0.4, 0.5, 0.6]
     assert log_ticks([0.0]) == []
