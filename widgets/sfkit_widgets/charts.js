@@ -56,7 +56,8 @@ const DASH_PATTERNS = { dash: "6 4", dot: "2 3" };
  * @param {Chart[]} charts
  */
 export function showCharts(place, charts) {
-  if (!place.firstElementChild) place.append(element("div"));
+  // As many as there will be: columns are as wide as their number lets them.
+  if (place.childElementCount !== charts.length) place.replaceChildren(...charts.map(() => element("div")));
   const width = place.firstElementChild?.clientWidth || WIDTH;
   place.replaceChildren(...charts.map((chart) => lineChart({ ...chart, width })));
 }
