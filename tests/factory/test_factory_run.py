@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from factory_files import write
 from safetensors.torch import load_file
 from typer.testing import CliRunner
 
 import sfkit
-from sfkit import bank
 from sfkit.bank.rendered import RenderedPair
 from sfkit.cli.app import app
 from sfkit.datasets.training_set import TrainingSet
@@ -22,50 +22,6 @@ from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook
 from sfkit.training.finetune import finetune
-
-TEXT = """
-name = "small"
-base = "base.safetensors"
-architecture = "anynet"
-joint = {joint}
-
-[options]
-ranges = [4, 3, 3]
-spn = false
-
-[training]
-epochs = 2
-batch = 2
-rate = 1e-4
-save_every = 1
-workers = 0
-augmentation = {{ crop = [64, 128] }}
-
-{sources}
-[validation]
-name = "bank:courtyard"
-pairs = 1
-
-[[tests]]
-name = "bank:grey-workshop"
-pairs = 1
-
-[search]
-population = 4
-generations = 1
-evaluations = 0
-"""
-
-
-def write(folder: Path, *names: str, joint: bool = False, rate: str = "") -> Path:
-    (folder / "base.safetensors").write_bytes((bank.pool_path().parent / "base.safetensors").read_bytes())
-    sources = "".join(
-        f'[sources.{name}]\ndata = "bank:{name}"\npairs = 2\n{rate if name == "haze" else ""}\n'
-        for name in names
-    )
-    path = folder / "factory.toml"
-    path.write_text(TEXT.format(sources=sources, joint=str(joint).lower()))
-    return path
 
 
 def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
