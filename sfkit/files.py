@@ -6,8 +6,10 @@ it will write to rest on :func:`unwritable`.
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -93,8 +95,37 @@ def unwritable(folder: Path) -> Path | None:
 
     That is the nearest thing on the way to it that exists: a file, or a folder without write permission.
     """
-    place = next(f for f in (folder.absolute(), *folder.absolute().parents) if f.exists())
+    # A link that leads nowhere, or in a circle, is in the way as a file is.
+    place = next(f for f in (folder.absolute(), *folder.absolute().parents) if os.path.lexists(f))
     return None if place.is_dir() and os.access(place, os.W_OK) else place
+
+
+def trouble(path: Path) -> str | None:
+    """What keeps a path from being read as a file, in words after its name; None where all is well."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return "is a link that leads nowhere" if path.is_symlink() else "no such file"
+    except NotADirectoryError:
+        return "no such file"
+    except ValueError:
+        return "is no name that a file can have"
+    except OSError as error:
+        circle = error.errno == errno.ELOOP
+        return "is a link that leads in a circle" if circle else f"cannot be looked at ({error.strerror})"
+    if stat.S_ISDIR(mode):
+        return "is a folder"
+    if not stat.S_ISREG(mode):
+        return "is a pipe or a device"
+    return None if os.access(path, os.R_OK) else "may not be read by this user"
+
+
+def home(path: str | os.PathLike[str]) -> Path:
+    """The path with ``~`` and ``~user`` replaced; one of a user who does not exist stays as it is."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        return Path(path)
 
 
 def shipped(beside: str, inside: str) -> Path | None:

@@ -14,6 +14,7 @@ from sfkit.checkpoints.headers import SAFETENSORS, SUFFIXES, StoredTensor, read_
 from sfkit.checkpoints.layouts import Layout, common_prefix
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.errors import InputError, SfkitWarning
+from sfkit.files import trouble
 from sfkit.merging.origin import Origin, read_origin
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.steps import describe
@@ -44,8 +45,8 @@ def inspect_file(path: str | Path) -> Description:
         path = path / "pool.toml"
     if path.is_dir():
         return _folder(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a network, a pool.toml, a recipe or a store")
+    if why := trouble(path):
+        raise InputError(f"{path}: {why}, expected a network, a pool.toml, a recipe or a store")
     readers: dict[str, Callable[[Path], Description]] = {
         **dict.fromkeys(SUFFIXES, _network),
         **dict.fromkeys(STORE_SUFFIXES, _store),

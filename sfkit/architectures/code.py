@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sfkit.errors import InputError
+from sfkit.files import home
 
 GROUP = "sfkit.architectures"
 TRUST = "SFKIT_TRUST_CODE"  # "all", or digests with colons between; child processes inherit it
@@ -139,7 +140,7 @@ def import_from(folder: str | Path, module: str, attribute: str) -> Callable[...
     Raises:
         InputError: there is no such folder, module or class, or it cannot be imported.
     """
-    folder = Path(folder).expanduser().resolve()
+    folder = home(folder).resolve()
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected a checkout with {module.replace('.', '/')}.py")
     try:
@@ -153,7 +154,7 @@ def import_from(folder: str | Path, module: str, attribute: str) -> Callable[...
 def tree_digest(folder: str | Path, below: str = ".") -> str:
     """Digest of a checkout's Python files; a changed checkout never meets the scores of its former self."""
     total = hashlib.sha256()
-    root = Path(folder).expanduser()
+    root = home(folder)
     for path in sorted((root / below).rglob("*.py")):
         name = path.relative_to(root).as_posix()
         if "foundation" not in name.lower() and "/." not in f"/{name}":

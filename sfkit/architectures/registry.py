@@ -31,6 +31,7 @@ from sfkit.architectures.code import Code
 from sfkit.architectures.identity import code_identity
 from sfkit.architectures.inputs import InputConvention
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import home
 
 Options = Mapping[str, Any]
 Blocks = Mapping[str, Sequence[str]]
@@ -129,7 +130,7 @@ class Architecture:
 
 def _place(text: str, near: Path | None) -> str:
     """A folder as it was written, with variables and ``~``; else from the checkpoint's."""
-    path = Path(os.path.expandvars(text)).expanduser()
+    path = home(os.path.expandvars(text))
     return str(path if near is None else near.absolute().parent / path)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
@@ -13,10 +14,11 @@ from safetensors.torch import load_file, save_file
 from sfkit.bank.fingerprints import write_fingerprints
 from sfkit.bank.measure import constant_guess, errors, held_out_pairs
 from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, TrainingPlan, bank_plan
-from sfkit.bank.training import Trained, new_network, train
+from sfkit.bank.training import Trained, new_network, pairs_of, train
 from sfkit.datasets.synthetic.domains import BASE, SOURCES, Domain
 from sfkit.errors import unknown_name
 from sfkit.evaluation.table import ProgressCallback
+from sfkit.files import write_text, writing
 
 LICENCE = "Apache-2.0"
 Record = dict[str, Any]
@@ -71,7 +73,8 @@ def _train_base(
     out: Path, of: BankPlan, plan: TrainingPlan, held_out: int, progress: ProgressCallback | None
 ) -> None:
     trained = train(BASE, plan, None, _state_file(out, BASE.name), progress, of=of)
-    save_file(dict(trained.weights), out / "base.safetensors")
+    with writing(out / "base.safetensors") as fresh:
+        save_file(dict(trained.weights), fresh)
     network = new_network(plan.seed, of)
     network.load_state_dict(dict(trained.weights))
     pairs = held_out_pairs(BASE, held_out)
@@ -89,7 +92,8 @@ def _train_source(
 ) -> None:
     base = load_file(out / "base.safetensors")
     trained = train(domain, plan, base, _state_file(out, domain.name), progress, of=of)
-    save_file(dict(trained.weights), out / f"{domain.name}.safetensors")
+    with writing(out / f"{domain.name}.safetensors") as fresh:
+        save_file(dict(trained.weights), fresh)
     pairs = held_out_pairs(domain, held_out)
     network = new_network(plan.seed, of)
     network.load_state_dict(base)
@@ -107,7 +111,8 @@ def _record(out: Path, name: str, plan: TrainingPlan, trained: Trained, own: Rec
         "final_loss": trained.final_loss,
         "own_domain": own,
     }
-    _record_file(out, name).write_text(json.dumps(record, indent=2) + "\n")
+    write_text(_record_file(out, name), json.dumps(record, indent=2) + "\n")
+    shutil.rmtree(pairs_of(_state_file(out, name)), ignore_errors=True)
 
 
 def _finished(out: Path, name: str) -> bool:
@@ -126,8 +131,8 @@ def _assemble(out: Path, of: BankPlan) -> None:
     records = {d.name: json.loads(_record_file(out, d.name).read_text()) for d in (BASE, *SOURCES)}
     if of is BANK:  # the benchmarks are the same for all
         write_fingerprints(out / "fingerprints.json")
-    (out / "trainings.json").write_text(json.dumps(records, indent=2) + "\n")
-    (out / "pool.toml").write_text(pool_toml(of))
+    write_text(out / "trainings.json", json.dumps(records, indent=2) + "\n")
+    write_text(out / "pool.toml", pool_toml(of))
 
 
 def pool_toml(of: BankPlan = BANK) -> str:

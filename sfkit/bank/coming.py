@@ -24,6 +24,7 @@ from sfkit.datasets.synthetic.domains import SOURCES as FORMER_SOURCES
 from sfkit.datasets.synthetic.domains import Domain
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.datasets.training_set import TrainingSet
+from sfkit.files import writing
 from sfkit.training import Augmentation, TrainingSettings
 from sfkit.training.finetune import Source, finetune
 from sfkit.training.loop import Course
@@ -105,10 +106,8 @@ class DrawnPair:
                 return Sample(self.id, held["left"], held["right"], held["disparity"])
         except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):  # absent, or torn by a kill
             drawn = synthetic_pair(self.world, self.index, split=self.split)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_suffix(".new.npz")
-        np.savez(fresh, left=drawn.left, right=drawn.right, disparity=drawn.disparity)
-        fresh.replace(path)
+        with writing(path, durable=False) as fresh, fresh.open("wb") as into:
+            np.savez(into, left=drawn.left, right=drawn.right, disparity=drawn.disparity)
         return Sample(self.id, drawn.left, drawn.right, drawn.disparity)
 
     def fingerprint(self) -> str:

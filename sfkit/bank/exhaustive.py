@@ -25,6 +25,7 @@ from sfkit.datasets.synthetic.domains import BASE, QUICK_PAIRS
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, Evaluator
 from sfkit.evaluation.store import Evaluation, evaluation_key
+from sfkit.files import writing
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.live import LiveModel
 
@@ -146,8 +147,7 @@ def _disparities(scorer: Evaluator, live: LiveModel) -> Iterator[NDArray[np.floa
 
 def write_scores(scores: SubsetScores, path: Path) -> None:
     """Write the table as CSV, a row a subset, ascending by bit mask, percent with four decimals."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("w", encoding="utf-8", newline="") as stream:
+    with writing(path) as fresh, fresh.open("w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(HEADER)
         for mask in sorted(scores.scores):

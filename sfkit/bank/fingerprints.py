@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sfkit.bank.rendered import benchmark, benchmarks
 from sfkit.datasets import Sample
+from sfkit.files import write_text
 
 BLOCKS = (6, 12)
 TOLERANCE = {"left": 1, "right": 1, "disparity": 1, "shares": 2}
@@ -54,7 +55,7 @@ def write_fingerprints(path: Path, names: Iterable[str] | None = None) -> None:
     chosen = benchmarks() if names is None else names
     samples = (sample for name in chosen for sample in benchmark(name).samples())
     lines = [f"{json.dumps(s.id)}: {json.dumps(fingerprint(s), separators=(',', ':'))}" for s in samples]
-    path.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
 def _block_means(values: NDArray[np.float64], scale: float) -> list[int]:

@@ -6,10 +6,12 @@ alone, so network, optimiser and step count are the whole state.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
+import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +24,7 @@ from torch import nn
 from sfkit.architectures import InputConvention, architecture
 from sfkit.bank.plan import BANK, STAGE_WEIGHTS, BankPlan, TrainingPlan
 from sfkit.datasets.synthetic import Domain, SyntheticPair, synthetic_pair
+from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.files import writing
 
@@ -61,7 +64,7 @@ def train(
         optimiser.load_state_dict(saved["optimiser"])
         step, seconds, cpu_seconds = saved["step"], saved["seconds"], saved["cpu_seconds"]
         losses = saved["losses"]
-    pairs = training_pairs(domain, plan.scenes, progress) if step < plan.steps else []
+    pairs = training_pairs(domain, plan.scenes, pairs_of(state_file), progress) if step < plan.steps else []
     network.train()
     wall, cpu = time.perf_counter(), time.process_time()
     while step < plan.steps:
@@ -89,16 +92,35 @@ def new_network(seed: int, of: BankPlan = BANK) -> nn.Module:
         return architecture(of.architecture).build(**of.options)
 
 
+def pairs_of(state_file: Path) -> Path:
+    """The folder where a training keeps its rendered pairs, for when it is stopped and goes on."""
+    return state_file.with_suffix(".pairs")
+
+
 def training_pairs(
-    domain: Domain, count: int, progress: ProgressCallback | None = None
+    domain: Domain, count: int, folder: Path, progress: ProgressCallback | None = None
 ) -> list[SyntheticPair]:
-    """The first ``count`` training pairs of the domain."""
+    """The first ``count`` training pairs of the domain, kept in ``folder`` as they are rendered."""
     pairs = []
     for index in range(count):
-        pairs.append(synthetic_pair(domain, index, split="train"))
+        pairs.append(_pair(domain, index, folder))
         if progress is not None and (index + 1) % 40 == 0:
             progress(f"{domain.name}: rendering", index + 1, count)
     return pairs
+
+
+def _pair(domain: Domain, index: int, folder: Path) -> SyntheticPair:
+    """One pair, as it was kept or rendered; one that is missing, torn or of another world is rendered."""
+    made_from = hashlib.sha256(repr((SEED, index, domain)).encode()).hexdigest()[:16]
+    path, names = folder / f"{index:04d}-{made_from}.npz", [field.name for field in fields(SyntheticPair)]
+    try:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as held:
+            return SyntheticPair(**{name: held[name] for name in names})
+    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+        pair = synthetic_pair(domain, index, split="train")
+    with writing(path, durable=False) as fresh, fresh.open("wb") as into:
+        np.savez(into, **{name: getattr(pair, name) for name in names})
+    return pair
 
 
 def learning_rate(plan: TrainingPlan, step: int) -> float:

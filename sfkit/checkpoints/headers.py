@@ -11,6 +11,7 @@ from safetensors import SafetensorError, safe_open
 
 from sfkit.checkpoints.fingerprints import content_digest
 from sfkit.errors import InputError
+from sfkit.files import trouble
 
 SAFETENSORS = ".safetensors"
 TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
@@ -51,12 +52,27 @@ def is_checkpoint_name(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES or path.name.endswith(INDEX)
 
 
+def other_content(path: Path) -> str | None:
+    """What a file is that was saved in place of weights; None where nothing tells."""
+    with path.open("rb") as stream:
+        begin = stream.read(64).lstrip()
+    if begin.startswith(b"version https://git-lfs"):
+        return "is a Git LFS pointer, expected the weights it stands for: fetch them with git lfs pull"
+    if begin.startswith(b"<"):
+        return "is a web page, expected weights: look whether the download needs a login"
+    return None
+
+
 def read_texts(path: Path) -> dict[str, str]:
     """The text entries of a safetensors header.
 
     Raises:
         InputError: the file cannot be read.
     """
+    if why := trouble(path):
+        raise InputError(f"{path}: {why}, expected a checkpoint")
+    if why := other_content(path):
+        raise InputError(f"{path}: {why}")
     try:
         with safe_open(path, framework="np") as file:
             return dict(file.metadata() or {})

@@ -17,11 +17,18 @@ import torch
 from safetensors import SafetensorError, safe_open
 
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
-from sfkit.checkpoints.headers import INDEX, SAFETENSORS, SUFFIXES, TORCH_SUFFIXES, is_checkpoint_name
+from sfkit.checkpoints.headers import (
+    INDEX,
+    SAFETENSORS,
+    SUFFIXES,
+    TORCH_SUFFIXES,
+    is_checkpoint_name,
+    other_content,
+)
 from sfkit.checkpoints.inert import load_inert
 from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
 from sfkit.errors import InputError, nearest
-from sfkit.files import Signature, is_file, signature
+from sfkit.files import Signature, is_file, signature, trouble
 from sfkit.outside import parse_json, read_json
 
 MAX_INDEX_BYTES = 64 * 2**20
@@ -62,8 +69,11 @@ def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> Check
         InputError: the file is missing, of another kind, truncated, or holds no state dict.
     """
     path, wrapping = Path(path), wrapping or Wrapping()
-    if not is_file(path):
-        raise InputError(f"{path}: no such file, expected a checkpoint{_nearest_file(path)}")
+    if why := trouble(path):
+        beside = _nearest_file(path) if why == "no such file" else ""
+        raise InputError(f"{path}: {why}, expected a checkpoint{beside}")
+    if why := other_content(path):
+        raise InputError(f"{path}: {why}")
     looks = {path: signature(path)}  # before it is read: whatever is written meanwhile shows later
     if path.name.endswith(INDEX):
         return _read_shards(path, looks)

@@ -40,6 +40,7 @@ from typing import Any
 
 from sfkit.checkpoints.layouts import Wrapping
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import trouble
 from sfkit.outside import read_toml
 
 _WRAPPING = ("container", "prefix")
@@ -98,8 +99,8 @@ def read_pool_spec(path: str | Path) -> PoolSpec:
     path = Path(path)
     if path.is_dir():
         path = path / "pool.toml"
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected a pool.toml that names a base and its sources")
+    if why := trouble(path):
+        raise InputError(f"{path}: {why}, expected a pool.toml that names a base and its sources")
     return _spec(read_toml(path, "expected a pool description"), path)
 
 
@@ -157,7 +158,7 @@ def _member(name: str, entry: object, root: Path, path: Path, where: str, common
     if "\0" in text:
         raise InputError(f"{path}: {where}.file is {text!r}, expected a path")
     file = Path(os.path.normpath(root / text))
-    if not file.is_relative_to(root) or not file.resolve().is_relative_to(_reach(root)):
+    if not file.is_relative_to(root):  # links there, such as a hub's cache is made of, lead where they lead
         raise InputError(
             f"{path}: {where}.file {entry['file']!r} leaves the root {root}, expected a path under it"
         )
@@ -168,13 +169,6 @@ def _member(name: str, entry: object, root: Path, path: Path, where: str, common
 def _wrapping(values: Mapping[str, Any], path: Path, where: str, common: Wrapping) -> Wrapping:
     given = {key: _text(values, key, path, where) for key in _WRAPPING if key in values}
     return replace(common, **given)
-
-
-def _reach(root: Path) -> Path:
-    """Where links under the root may lead: in a hub's cache, from a snapshot to the repository's blobs."""
-    snapshots = next((p for p in (root, *root.parents) if p.parent.name == "snapshots"), None)
-    repository = snapshots.parent.parent if snapshots is not None else root
-    return repository if repository.name.startswith("models--") else root
 
 
 def _blocks(values: Mapping[str, Any], path: Path) -> dict[str, tuple[str, ...]] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from enum import StrEnum
 from pathlib import Path
 
@@ -43,8 +44,29 @@ def check_target(path: str | Path, form: FileForm | str, *, overwrite: bool) -> 
         )
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
+    if any("\ud800" <= letter <= "\udfff" for letter in str(path)):
+        raise InputError(f"{path}: is no UTF-8, expected a name that safetensors and torch can write")
     if path.exists() and not overwrite:
         raise InputError(f"{path}: the file exists, give another name or allow overwriting (--force)")
     if (place := unwritable(path.parent)) is not None:
         raise InputError(f"{path}: {place} is no folder that can be written to, expected one")
     return path
+
+
+def ensure_room(path: Path, size: int) -> None:
+    """Refuse a place whose disk has no room for a file.
+
+    Args:
+        path: the file to be written; its folder need not exist.
+        size: of the file in bytes, about.
+
+    Raises:
+        InputError: less is free there.
+    """
+    place = next(f for f in path.absolute().parents if f.exists())
+    free = shutil.disk_usage(place).free
+    if free < size:
+        raise InputError(
+            f"{path}: {free / 2**20:.0f} MiB are free there, expected {size / 2**20:.0f} MiB for a network: "
+            "make room, or name a place on another disk"
+        )

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import torch
+from safetensors import SafetensorError
 from safetensors.torch import save_file
 
 from sfkit.checkpoints.layouts import OWN, Layout
 from sfkit.checkpoints.targets import FileForm, check_target, form_of
+from sfkit.errors import InputError
 from sfkit.files import writing
 
 
@@ -43,15 +47,28 @@ def write_checkpoint(
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
         named = layout.name(_separate(tensors))
-        with writing(path) as target:
+        with _full_disk_said(path), writing(path) as target:
             _save_safetensors(named, target, header)
     else:
         content = layout.wrap({key: _alone(tensor) for key, tensor in tensors.items()})
         if layout.container:  # a bare state dict holds tensors alone: strict loaders refuse a text entry
             content[OWN] = json.dumps(dict(metadata))
-        with writing(path) as target:
+        with _full_disk_said(path), writing(path) as target:
             _save_torch(content, target)
     return path
+
+
+@contextmanager
+def _full_disk_said(path: Path) -> Iterator[None]:
+    """What safetensors and torch say of a disk that is full, in words of their own, as what it is."""
+    try:
+        yield
+    except (SafetensorError, RuntimeError) as error:
+        reason, free = str(error).partition("\n")[0], shutil.disk_usage(path.parent).free
+        raise InputError(
+            f"{path}: cannot be written ({reason}; {free / 2**20:.0f} MiB are free): make room, or "
+            "name a place on another disk"
+        ) from error
 
 
 def _save_safetensors(tensors: dict[str, torch.Tensor], target: Path, header: dict[str, str]) -> None:

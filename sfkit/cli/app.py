@@ -12,6 +12,7 @@ import typer
 
 from sfkit.cli import code as own_code
 from sfkit.cli.commands import Commands
+from sfkit.cli.options import say
 from sfkit.errors import InputError, SfkitError, SfkitWarning, StoreError
 
 app = typer.Typer(
@@ -82,7 +83,7 @@ def _run(words: list[str]) -> int:
 
 def _refuse(message: str, code: int, usage: object = None) -> int:
     if message.startswith("Usage: "):  # a command that has sub-commands was named alone
-        typer.echo(message, err=True)
+        say(message)
         return code
     sentence = " ".join(message.split()).rstrip(".")
     said = getattr(getattr(usage, "param", None), "help", None)
@@ -91,7 +92,7 @@ def _refuse(message: str, code: int, usage: object = None) -> int:
     context = getattr(usage, "ctx", None)
     if context is not None:
         sentence = f"{sentence.replace('. Did you', '; did you')} ({context.command_path} --help says more)"
-    typer.echo(f"error: {sentence}", err=True)
+    say(f"error: {sentence}")
     return code
 
 
@@ -103,4 +104,4 @@ def _warn(
     file: TextIO | None = None,
     line: str | None = None,
 ) -> None:
-    typer.echo(f"warning: {' '.join(str(message).split())}", err=True)
+    say(f"warning: {' '.join(str(message).split())}")

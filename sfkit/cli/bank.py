@@ -9,6 +9,7 @@ import typer
 
 from sfkit.cli.groups import WholeHelp
 from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 
 app = typer.Typer(
@@ -37,7 +38,9 @@ def build(
     from sfkit.bank import build as build_bank
 
     out = out or Path("runs") / name
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file, expected a folder to build in")
+    places = Places()
+    places.folder("--out", out, ("pool.toml", "base.safetensors", "trainings.json", "fingerprints.json"))
+    if (out / "pool.toml").exists() and not (out / "training").is_dir():
+        raise InputError(f"--out: {out / 'pool.toml'} exists, and no bank was built there: choose another")
     build_bank(out, name, progress=lambda what, done, of: say(f"{what}: {done} of {of}"))
     emit({"bank": out}, f"built {out}", as_json=json)

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 import typer
 
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import home
 from sfkit.outside import read_toml
 
 _WORDS = {str: "a text", int: "a whole number", float: "a number", bool: "true or false", Path: "a path"}
@@ -63,7 +64,7 @@ def _value(value: Any, annotation: Any, place: str) -> Any:
     accepted = {float: (float, int), Path: (str,)}.get(kind, (kind,))
     if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
         raise InputError(f"{place}: found {value!r}, expected {_WORDS[kind]}")
-    return str(Path(value).expanduser()) if kind is Path else value
+    return str(home(value)) if kind is Path else value
 
 
 def _plain(annotation: Any) -> Any:

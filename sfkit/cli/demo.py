@@ -9,8 +9,9 @@ import typer
 from tqdm import tqdm
 
 from sfkit.cli.options import ForceOption, JsonOption, emit
+from sfkit.cli.outputs import Places
 from sfkit.cli.panels import NotebookComputeOptions
-from sfkit.errors import InputError
+from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE
 
 if TYPE_CHECKING:
     from sfkit.bank.demo import Demo
@@ -34,8 +35,9 @@ def demo(
     """
     from sfkit.bank.demo import demo as run_demo  # with all of Jupyter behind it, too slow for other commands
 
-    if out.exists() and not out.is_dir():
-        raise InputError(f"{out}: is a file, expected a folder for the results")
+    Places().folder(
+        "--out", out, (*OUTPUTS, SEARCH, LOCK, STORE, "scores.csv", "report.html", "report.ipynb")
+    )
     with Bars() as bars:
         found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=bars, force=force)
     document = {

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sfkit.checkpoints.targets import FileForm, check_target
+from sfkit.checkpoints.targets import FileForm, check_target, ensure_room
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
@@ -59,6 +59,7 @@ def merge(
     for member in (opened.base, *opened.sources):
         if out.exists() and out.samefile(member.path):
             raise InputError(f"--out: {out} is the pool's own {member.name!r}, give another name")
+    ensure_room(out, opened.base.path.stat().st_size)
     ((name, choose),) = asked.items()
     chosen = choose(opened)
     written = save_merged(prepared(name, opened, chosen), chosen, out, form=form, overwrite=force)

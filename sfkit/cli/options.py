@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from sfkit.merging import Pool, Recipe
 
 Made = TypeVar("Made")
+# Control characters but for tab and line feed, marks that turn the order of letters, bytes that are no UTF-8.
+_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 PoolArgument = Annotated[
     str, typer.Argument(help="A pool.toml, the folder that holds one, or bank.", show_default=False)
@@ -177,14 +180,19 @@ def _named(path: str | Path, make: Callable[[], Made]) -> Made:
         raise InputError(f"{path}: {error}") from error
 
 
+def printable(text: str) -> str:
+    """The text, with what a terminal would obey or cannot show written as escapes, as in a file's name."""
+    return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
 def say(text: str) -> None:
     """A line of progress on standard error."""
-    typer.echo(text, err=True)
+    typer.echo(printable(text), err=True)
 
 
 def emit(document: Mapping[str, Any], text: str, *, as_json: bool) -> None:
     """Print a result: the document as JSON, or the text."""
-    typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False) if as_json else text)
+    typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False) if as_json else printable(text))
 
 
 def _plain(value: Any) -> Any:

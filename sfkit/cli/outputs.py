@@ -6,6 +6,7 @@ that cannot be written to, and of two names that are one file.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -101,7 +102,7 @@ class Places:
 def _same(path: Path, other: Path) -> bool:
     if path.exists() and other.exists():
         return path.samefile(other)
-    return path.resolve() == other.resolve()
+    return os.path.realpath(path) == os.path.realpath(other)  # for links in a circle too
 
 
 def _check_place(argument: str, folder: Path) -> None:

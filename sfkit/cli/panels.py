@@ -22,7 +22,10 @@ class FolderChoice:
 
     root: Path | None = setting(None, "--root", "-r", help="The benchmark's folder.")
     resolution: str | None = setting(None, help="Middlebury: F, H or Q.")
-    csv: Path | None = setting(None, help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id].")
+    csv: Path | None = setting(
+        None,
+        help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id]; its folder is the root.",
+    )
     coding: str | None = setting(
         None, help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4."
     )
@@ -51,11 +54,12 @@ class BenchmarkChoice(FolderChoice):
         """
         from sfkit.datasets.benchmark import has_files, open_benchmark
 
-        if self.root is None and has_files(self.benchmark):
+        root = self.csv.parent if self.root is None and self.csv is not None else self.root
+        if root is None and has_files(self.benchmark):
             raise InputError(f"--root is missing, expected the folder of benchmark {self.benchmark!r}")
         benchmark = open_benchmark(
             self.benchmark,
-            self.root,
+            root,
             protocol=self.protocol,
             metric=self.metric,
             resolution=self.resolution,

@@ -93,6 +93,7 @@ def search(
     from sfkit.analysis.overfit import holdout_check
     from sfkit.analysis.search_verdict import missing
     from sfkit.analysis.trust import trust_of
+    from sfkit.checkpoints.targets import ensure_room
     from sfkit.cli.judging import Judge
     from sfkit.evaluation.changes import LABEL
     from sfkit.evaluation.combining import CombinedScorer
@@ -122,6 +123,7 @@ def search(
         refuse_unclaimed(out)
     opened = pool_of(pool, blocks)
     plan.check(opened)
+    ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)
     guide = guide_of(opened, guides, combine, compute)
     judges = [Evaluator(opened, one, compute=compute) for one in tests]
     with (

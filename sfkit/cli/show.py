@@ -26,7 +26,11 @@ def show(
       sfkit show merged.safetensors
       sfkit show checkpoints/
     """
+    from sfkit.cli import runs
     from sfkit.inspection import inspect_file
 
+    if (file / "journal.jsonl").is_file():
+        runs.show(file, json)
+        return
     description = inspect_file(file)
     emit(description.document, description.text, as_json=json)

@@ -27,6 +27,7 @@ from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_m
 from sfkit.datasets.tables import absent_files, find_in_table
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import home
 
 __all__ = [
     "PAIRS",
@@ -248,13 +249,13 @@ def find_own_pairs(
     Raises:
         InputError: nothing is there, or see :mod:`sfkit.datasets.folders` and :mod:`sfkit.datasets.tables`.
     """
-    root = Path(root).expanduser()
+    root = home(root)
     if table is None and root.is_file():
         table, root = root, root.parent
     folder = open_root(root)
     if table is None:
         return folder, find_in_folders(folder, coding), ""
-    table = Path(table).expanduser()
+    table = home(table)
     found = find_in_table(table, folder, coding)
     return folder, found, absent_files(table, folder, found)
 

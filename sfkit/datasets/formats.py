@@ -117,10 +117,19 @@ def write_disparity_png16(path: Path, disparity: NDArray[np.floating]) -> None:
             f"{path}: found a disparity of {steps.max() / KITTI_SCALE:.2f} px, expected at most 255.99; "
             "write a PFM instead"
         )
-    stored = np.where(known, np.maximum(steps, 1), 0).astype(np.uint16)
-    done, data = cv2.imencode(".png", stored)
+    write_png(path, np.where(known, np.maximum(steps, 1), 0).astype(np.uint16))
+
+
+def write_png(path: Path, pixels: NDArray[Any]) -> None:
+    """Write (H, W) or (H, W, 3) pixels, in OpenCV's BGR order, whole or not at all, under any name.
+
+    Raises:
+        InputError: such an array is no image.
+    """
+    # Given a path, OpenCV ends the process at bytes that are no UTF-8.
+    done, data = cv2.imencode(".png", pixels)
     if not done:
-        raise InputError(f"{path}: an image of {stored.shape} cannot be written as PNG")
+        raise InputError(f"{path}: an image of {pixels.shape} cannot be written as PNG")
     write_bytes(Path(path), np.asarray(data).tobytes())
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from collections.abc import Mapping
@@ -11,6 +12,7 @@ from pathlib import Path, PurePath, PurePosixPath
 from sfkit.datasets.manifests import ID, RESOLUTION, Manifest, PairLayout
 from sfkit.datasets.pairs import StereoPair
 from sfkit.errors import InputError, SfkitWarning
+from sfkit.files import home
 
 NEEDED = ("left", "right", "disparity")
 
@@ -135,27 +137,29 @@ def open_root(root: Path | str) -> Path:
     Raises:
         InputError: there is no such folder.
     """
-    folder = Path(root).expanduser()
+    folder = home(root)
     if not folder.is_dir():
         raise InputError(f"{folder}: found no such folder, expected the folder that holds the data set")
     return folder.resolve()
 
 
 def inside(root: Path, relative: PurePath | str) -> Path:
-    """``root / relative``, which must not leave ``root`` by ``..``, as an absolute path or over a link.
+    """``root / relative``, which must not leave ``root`` by ``..`` or as an absolute path.
+
+    Links that lie there are followed wherever they lead: whoever owns the folder has put them there.
 
     Raises:
         InputError: the path leads outside, or no file can have its name.
     """
-    path = root / relative
+    path = Path(os.path.normpath(root / relative))
     try:
         path.lstat()
     except (OSError, ValueError) as error:
         if not isinstance(error, FileNotFoundError | NotADirectoryError):
             raise InputError(f"{str(relative)[:100]!r}: is no name of a file ({error.args[-1]})") from error
-    if not path.resolve().is_relative_to(root):
+    if not path.is_relative_to(root):
         raise InputError(
-            f"{relative}: leads to {path.resolve()}, expected a path under {root}; "
+            f"{relative}: leads to {path}, expected a path under {root}; "
             "copy the file there, or give a folder that holds all files"
         )
     return path

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.errors import InputError
-from sfkit.files import write_bytes
+from sfkit.files import trouble, write_bytes
 
 _HEADER = re.compile(
     rb"(P[fF])\s+(\d{1,9})\s+(\d{1,9})\s+([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(?:\r\n|\s)"
@@ -72,6 +72,8 @@ def read_bytes(path: Path) -> bytes:
     Raises:
         InputError: there is no such file, or it cannot be read.
     """
+    if why := trouble(Path(path)):
+        raise InputError(f"{path}: cannot be read ({why}), expected a file")
     try:
         return Path(path).read_bytes()
     except OSError as error:

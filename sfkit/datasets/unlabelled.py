@@ -22,7 +22,7 @@ from sfkit.datasets.listing import PairListing, inside, open_root
 from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pairs import StereoPair
 from sfkit.errors import InputError
-from sfkit.files import is_file
+from sfkit.files import home, is_file
 
 UNLABELLED = "unlabelled"
 DEPTH = 4
@@ -53,14 +53,11 @@ def find_unlabelled(
     """
     if isinstance(every, bool) or not isinstance(every, int) or every < 1:
         raise InputError(f"every: found {every!r}, expected a whole number of at least 1")
-    root = Path(root).expanduser()
+    root = home(root)
     if table is None and root.is_file():
         table, root = root, root.parent
     folder = open_root(root)
-    if table is not None:
-        pairs = _in_table(Path(table).expanduser(), folder)[::every]
-    else:
-        pairs = _in_folders(folder, every)
+    pairs = _in_table(home(table), folder)[::every] if table is not None else _in_folders(folder, every)
     if not pairs:
         names = ", ".join(f"{left}/{right}" for left, right, _ in CONVENTIONS)
         raise InputError(

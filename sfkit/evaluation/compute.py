@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import socket
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -82,6 +84,9 @@ class Compute:
         return LiveModel(pool, recipe, device=self.device, mode=self.mode)
 
 
+REACH_SECONDS = 10.0  # how long a cluster may take to answer
+
+
 def check_device_name(name: str, argument: str = "device") -> None:
     """Refuse what cannot be a device's name.
 
@@ -112,16 +117,25 @@ def check_device(name: str, argument: str = "device") -> None:
 
 
 def ensure_ray() -> None:
-    """Refuse where Ray is missing.
+    """Refuse where Ray, or the cluster that RAY_ADDRESS names, is missing.
 
     Raises:
-        InputError: it is not installed.
+        InputError: it is not installed, or its cluster does not answer.
     """
     if importlib.util.find_spec("ray") is None:
         raise InputError(
             "engine 'ray': Ray is not installed, install it with pip install 'sfkit[ray]', or choose "
             "'processes'"
         )
+    address = os.environ.get("RAY_ADDRESS", "")
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if colon and port.isdecimal():
+        try:
+            socket.create_connection((host.strip("[]"), int(port)), REACH_SECONDS).close()
+        except (OSError, OverflowError) as error:
+            raise InputError(
+                f"engine 'ray': nobody answers at RAY_ADDRESS {address} ({error}), start it or unset this"
+            ) from error
 
 
 HERE = Compute()

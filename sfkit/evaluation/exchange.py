@@ -13,6 +13,7 @@ from sfkit.datasets.metric import D1, EPE, bad_pixels
 from sfkit.errors import InputError
 from sfkit.evaluation.metrics import THRESHOLDS, ImageErrors
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
+from sfkit.files import write_bytes, write_text
 
 COLUMNS = ("key", "image", "region", "pixels", EPE.name, D1.name, *(bad_pixels(t).name for t in THRESHOLDS))
 
@@ -68,17 +69,14 @@ def export_evaluations(store: EvaluationStore, path: Path) -> Path:
     if path.exists():
         raise InputError(f"{path}: the file exists, name another one")
     table = evaluation_table(store)
-    path.parent.mkdir(parents=True, exist_ok=True)
     if path.suffix == ".csv":
-        table.to_csv(path, index=False)
-        return path
+        return write_text(path, table.to_csv(index=False))
     try:
-        table.to_parquet(path, index=False)
+        return write_bytes(path, table.to_parquet(index=False))
     except ImportError as error:
         raise InputError(
             f"{path}: writing parquet needs pyarrow (pip install 'sfkit[parquet]'), or end it in .csv"
         ) from error
-    return path
 
 
 def import_evaluations(source: EvaluationStore, target: EvaluationStore) -> tuple[int, int]:

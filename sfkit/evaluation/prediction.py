@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from sfkit.colours import DISPARITY, paint, range_of
 from sfkit.datasets.calibration import Calibration
-from sfkit.datasets.formats import write_disparity_png16
+from sfkit.datasets.formats import write_disparity_png16, write_png
 from sfkit.datasets.images import read_image
 from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pfm import write_pfm
@@ -152,6 +150,8 @@ class PredictionPlan:
             for target in self.targets(number):
                 if target.resolve() in images:
                     raise InputError(f"{target}: is one of the images, choose another folder for the results")
+                if target.is_dir():
+                    raise InputError(f"{target}: is a folder, choose another folder for the results")
                 if target.exists() and not overwrite:
                     raise InputError(
                         f"{target}: the file exists, choose another folder or allow overwriting (--force)"
@@ -207,14 +207,11 @@ def _write(
         write_pfm(target, disparity)
     else:
         write_disparity_png16(target, np.where(finite & (disparity > 0), disparity, np.nan))
-    if not cv2.imwrite(str(preview), preview_of(disparity)[..., ::-1]):
-        raise OSError(errno.EIO, "cannot be written", str(preview))
+    write_png(preview, preview_of(disparity)[..., ::-1])
     if depth is not None and plan.calibration is not None:
         write_pfm(depth, depth_of(disparity, plan.calibration))
     if confidence is not None and check is not None:
-        levels = np.rint(255 * check.confidence).astype(np.uint8)
-        if not cv2.imwrite(str(confidence), levels):
-            raise OSError(errno.EIO, "cannot be written", str(confidence))
+        write_png(confidence, np.rint(255 * check.confidence).astype(np.uint8))
     median = float(np.median(disparity[finite])) if finite.any() else float("nan")
     broken = int((~finite).sum())
     return PredictionFiles(target, preview, depth, median, broken, confidence, check)

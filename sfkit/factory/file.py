@@ -49,6 +49,7 @@ from sfkit.datasets.synthetic import domains
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import home
 from sfkit.outside import read_toml
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.pipeline import METHODS, Plan
@@ -199,7 +200,7 @@ def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
         return TrainingSet(name, pairs, licence="Apache-2.0")
     if "root" not in entry:
         raise InputError(f"{where}: the key root is missing, expected the folder of {name!r}")
-    root = path.parent / Path(str(entry["root"])).expanduser()
+    root = path.parent / home(str(entry["root"]))
     return open_training_set(name, root, hold_out=not entry.get("all", False), coding=entry.get("coding"))
 
 
@@ -210,7 +211,7 @@ def _given(path: Path, entry: Any) -> dict[str, Any]:
     given = dict(entry)
     for key in ("root", "table"):
         if key in given:
-            given[key] = path.parent / Path(str(given[key])).expanduser()
+            given[key] = path.parent / home(str(given[key]))
     return given
 
 

@@ -21,6 +21,7 @@ from nbformat import NotebookNode
 from plotly.offline import get_plotlyjs
 
 from sfkit.errors import InputError, SfkitError
+from sfkit.files import write_bytes
 from sfkit.reports.page import PLOTLY_MIME
 
 KINDS = ("svg", "png")
@@ -91,7 +92,7 @@ def write_pictures(notebook: NotebookNode, folder: Path, kind: str) -> tuple[Pat
     paths = []
     for name, content in zip(names, _drawn(browser, figures, kind), strict=True):
         path = folder / name
-        path.write_bytes(content)
+        write_bytes(path, content)
         paths.append(path)
     return tuple(paths)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -65,7 +66,8 @@ def report(
         InputError: before anything is run or written: the notebook cannot be read, a parameter is unknown or
             of another kind than its default, ``out`` is no place for a report, or ``figures`` is another
             word or asks for a Chromium that is not there.
-        ReportError: a cell failed, the kernel died or the run was interrupted; the report shows where.
+        ReportError: a cell failed or the kernel died; the report shows where.
+        KeyboardInterrupt: the run was interrupted; the report shows where too.
     """
     source, page = Path(notebook), Path(out)
     content = read_notebook(source)
@@ -79,12 +81,18 @@ def report(
     code_cells = sum(cell.cell_type == "code" for cell in content.cells)
     watcher = Watcher(code_cells, progress or (lambda _line: None))
     started, clock = datetime.now().astimezone(), time.monotonic()
-    failure = _execute(source, executed, values, watcher)
-    run = NotebookRun(source.name, started, time.monotonic() - clock, values, failure)
-    result = nbformat.read(executed, as_version=4)
+    with tempfile.TemporaryDirectory(prefix="sfkit-report-") as scratch:
+        # papermill writes after every cell, and what it is killed over would be in the way of the next run.
+        running = Path(scratch) / "running.ipynb"
+        failure = _execute(source, running, values, watcher)
+        run = NotebookRun(source.name, started, time.monotonic() - clock, values, failure)
+        result = nbformat.read(running, as_version=4)
+        write_text(executed, running.read_text(encoding="utf-8"))
     write_text(page, render_page(result, run))
     if figures is not None:
         write_pictures(result, page.with_name(f"{page.stem}_figures"), figures)
+    if failure is not None and failure.error.startswith(KeyboardInterrupt.__name__):
+        raise KeyboardInterrupt
     if failure is not None:
         place = f"cell {watcher.number} of {code_cells}" if watcher.number else "the kernel"
         raise ReportError(f"{source}: {place} failed with {failure.error}; {page} shows it", page)
@@ -108,7 +116,7 @@ def _check_target(source: Path, page: Path) -> None:
 
 
 def _written_by_papermill(notebook: Path) -> bool:
-    return "papermill" in read_notebook(notebook).metadata
+    return not notebook.stat().st_size or "papermill" in read_notebook(notebook).metadata
 
 
 @contextmanager

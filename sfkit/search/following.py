@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 from sfkit.errors import InputError, nearest
+from sfkit.files import home
 from sfkit.search.journal import JournalledSearch, Record, read_journal
 from sfkit.search.runs import JOURNAL, STAGES
 
@@ -23,7 +24,7 @@ class FollowedJournal:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = _journal(Path(path).expanduser())
+        self.path = _journal(home(path))
         self._lock = threading.Lock()
         self._seen: tuple[int, int] | None = None
         self._records: tuple[Record, ...] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -11,7 +12,7 @@ from typing import Any
 
 import pandas as pd
 
-from sfkit.errors import InputError, nearest
+from sfkit.errors import InputError, SfkitWarning, nearest
 from sfkit.search.journal import JournalledSearch, read_journal
 
 JOURNAL = "journal.jsonl"
@@ -69,12 +70,19 @@ def find_runs(root: str | Path) -> tuple[Run, ...]:
     """Every run under a folder, the one written last first.
 
     Raises:
-        InputError: there is no such folder, or a journal in it is damaged.
+        InputError: there is no such folder.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) of each journal that cannot be read.
     """
     root = Path(root)
     if not root.is_dir():
         raise InputError(f"{root}: no such folder, expected one with the folders of searches in it")
-    runs = [read_run(path.parent) for path in root.rglob(JOURNAL)]
+    runs = []
+    for path in root.rglob(JOURNAL):
+        try:
+            runs.append(read_run(path.parent))
+        except InputError as error:
+            warnings.warn(str(error), SfkitWarning, stacklevel=2)
     begun = [run for run in runs if run.stages]
     return tuple(sorted(begun, key=lambda run: run.stages[-1].written, reverse=True))
 

@@ -77,7 +77,6 @@ POOLS = (
     _pool("unknown-table", "unknown-table/pool.toml", "'optoins'", "did you mean 'options'"),
     _pool("leaves-root", "leaves-root/pool.toml", "../outside.safetensors", "leaves the root"),
     _pool("absolute", "absolute/pool.toml", "outside.safetensors", "leaves the root"),
-    _pool("link", "link/pool.toml", "a.safetensors", "leaves the root"),
     _pool("no-variable", "no-variable/pool.toml", "SFKIT_NOT_SET", "not set"),
     _pool("architecture", "architecture", "'anynnet'", "did you mean 'anynet'"),
     _pool("option", "option", "'snp'", "did you mean 'spn'"),

@@ -52,7 +52,7 @@ NARROW: dict[str, set[str]] = {
     "colours": set(),
     "cards": set(),
     "checkpoints": {"errors", "files", "outside"},
-    "architectures": {"errors"},
+    "architectures": {"errors", "files"},
     "datasets": {"errors", "files", "outside", "cards"},
     "merging": {"errors", "files", "outside", "cards", "checkpoints", "architectures"},  # it sees no image
     "exporting": {"errors", "files", "checkpoints", "architectures", "datasets", "merging", "evaluation"},

@@ -14,14 +14,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
-import yaml  # type: ignore[import-untyped]  # PyYAML ships no types
 from torch import nn
 
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
 from sfkit.architectures.registry import Blocks, Options, register_architecture, top_level_blocks
+from sfkit.architectures.yaml_file import read_yaml
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import home
 
 PAGE = "XiandaGuo/OpenStereo"
 # MODEL.NAME of a configuration -> its module below stereo.modeling.models, and the class there.
@@ -65,20 +66,17 @@ BLOCKS: dict[str, Blocks] = {
 
 def _configuration(options: Mapping[str, Any]) -> dict[str, Any]:
     root, cfg = ensure_root(options["root"], "openstereo", PAGE), options["cfg"]
-    path = Path(root).expanduser() / "cfgs" / cfg
+    path = home(root) / "cfgs" / cfg
     if not cfg or not path.is_file():
         raise InputError(
             f"{path}: no such file, expected the option cfg to be a path below cfgs/ of the checkout, "
             "such as lightstereo/lightstereo_s_sceneflow.yaml"
         )
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise InputError(f"{path}: cannot be read as YAML ({error})") from error
-    model = values.get("MODEL") if isinstance(values, dict) else None
+    values = read_yaml(path, "give the configuration of a model")
+    model = values.get("MODEL")
     if not isinstance(model, dict) or "NAME" not in model:
         raise InputError(f"{path}: has no MODEL with a NAME, expected the configuration of a model")
-    return cast(dict[str, Any], values)
+    return values
 
 
 def _name(options: Mapping[str, Any]) -> str:
@@ -149,6 +147,6 @@ def openstereo(*, root: str = "", cfg: str = "") -> nn.Module:
     """A model of OpenStereo (Guo et al., 2023) by a configuration of the user's checkout."""
     options = {"root": root, "cfg": cfg}
     name = _name(options)
-    folder = str(Path(root).expanduser().resolve())
+    folder = str(home(root).resolve())
     with without_downloads():
         return cast(nn.Module, _model_class(folder, name)(Arguments(_configuration(options)["MODEL"])))

@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml  # type: ignore[import-untyped]  # PyYAML ships no types
-
 from sfkit.architectures.foundation_stereo.disparity_transformer import DisparityAttention
 from sfkit.architectures.foundation_stereo.network import MULTIPLE
 from sfkit.architectures.foundation_stereo.sizes import SIZES
+from sfkit.architectures.yaml_file import read_yaml
 from sfkit.errors import InputError, unknown_name
 
 _FROM_CONFIG = {
@@ -87,14 +86,7 @@ def options_from_config(path: str | Path) -> dict[str, Any]:
 
 
 def _mapping(path: Path) -> dict[str, Any]:
-    remedy = "give the cfg.yaml that lies beside the checkpoint"
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InputError(f"{path} cannot be read as YAML ({error}): {remedy}") from error
-    if not isinstance(content, dict):
-        raise InputError(f"{path} holds a {type(content).__name__}, expected a mapping: {remedy}")
-    return content
+    return read_yaml(path, "give the cfg.yaml that lies beside the checkpoint")
 
 
 def _check_name(key: str, value: object, allowed: Mapping[str, Any] | list[str]) -> None:

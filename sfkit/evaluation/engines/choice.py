@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
+from sfkit.errors import InputError
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines.auto import AutoEngine
 from sfkit.evaluation.engines.inline import InlineEngine
@@ -15,6 +17,8 @@ from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
+
+SYSTEM = sys.platform
 
 
 class Engine(Protocol):
@@ -59,8 +63,11 @@ def check_pool(name: str, pool: Pool) -> None:
     """Refuse, before long work, a pool that an engine's workers could not open.
 
     Raises:
-        InputError: they could not import its architecture, or prepare its task vectors from its files.
+        InputError: there are none on this system, they could not import its architecture, or prepare its
+            task vectors from its files.
     """
+    if name == "processes" and SYSTEM == "win32":
+        raise InputError("engine 'processes': does not run on Windows yet, use engine='inline' or 'ray'")
     if name in ("processes", "ray"):
         module_of(pool)
     if name == "processes":
