@@ -76,8 +76,9 @@ def _run(words: list[str]) -> int:
             raise
         return _refuse(f"{error.filename}: {error.strerror}", 2)
     except (KeyboardInterrupt, typer.Abort):
-        typer.echo("interrupted: what was evaluated is stored, start again to go on", err=True)
-        return 130
+        code = 130
+    if code == 130:  # typer, too, makes this of Ctrl-C
+        say("interrupted: what was evaluated is stored, start again to go on")
     return code if isinstance(code, int) else 0
 
 

@@ -39,7 +39,7 @@ class Compute:
             engine whose library is not installed. Whether the device is there shows when a network is made.
     """
 
-    device: str = setting("cpu", help="cpu, cuda or cuda:N.")
+    device: str = setting("cpu", help="cpu, cuda, cuda:N or mps.")
     engine: str = setting("inline", help="Where networks run: auto, inline, processes or ray.")
     workers: int | None = setting(None, help="How many run at a time; one a device unless given.")
     precision: str = setting("float32", help="float32, or bfloat16, whose scores are kept apart.")
@@ -63,7 +63,7 @@ class Compute:
 
     @property
     def kind(self) -> str:
-        """The device's type, ``"cpu"`` or ``"cuda"``."""
+        """The device's type, ``"cpu"``, ``"cuda"`` or ``"mps"``."""
         return self.device.partition(":")[0]
 
     @property
@@ -94,8 +94,8 @@ def check_device_name(name: str, argument: str = "device") -> None:
         InputError: naming the argument, what was found and what was expected.
     """
     kind, colon, number = name.partition(":")
-    if kind not in ("cpu", "cuda") or (colon and not number.isdecimal()) or (kind == "cpu" and colon):
-        raise InputError(f"{argument}: found {name!r}, expected cpu, cuda or cuda:N")
+    if kind not in ("cpu", "cuda", "mps") or (colon and not (kind == "cuda" and number.isdecimal())):
+        raise InputError(f"{argument}: found {name!r}, expected cpu, cuda, cuda:N or mps")
 
 
 def check_device(name: str, argument: str = "device") -> None:
@@ -113,6 +113,10 @@ def check_device(name: str, argument: str = "device") -> None:
     if int(number or 0) >= torch.cuda.device_count():
         raise InputError(
             f"{argument}: {name} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
+        )
+    if kind == "mps" and not torch.backends.mps.is_available():
+        raise InputError(
+            f"{argument}: mps is not there, expected a Mac with Metal and a PyTorch for it; use cpu"
         )
 
 

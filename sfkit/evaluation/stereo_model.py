@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.images import read_image
 from sfkit.errors import InputError
+from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.prediction import depth_of
 from sfkit.merging.network import LoadedNetwork, load_network
 
@@ -132,21 +133,14 @@ def load(
 
     Args:
         path: what sfkit merged, or a checkpoint.
-        device: ``"cpu"``, ``"cuda"`` or ``"cuda:N"``.
+        device: ``"cpu"``, ``"cuda"``, ``"cuda:N"`` or ``"mps"``.
         architecture: for a file that does not say it.
         options: the architecture's options; those in the file are the default.
 
     Raises:
         InputError: as :func:`~sfkit.merging.network.load_network`, or there is no such device.
     """
-    try:
-        place = torch.device(device)
-    except RuntimeError as error:
-        raise InputError(f"device: found {device!r}, expected cpu, cuda or cuda:N") from error
-    if place.type == "cuda" and (place.index or 0) >= torch.cuda.device_count():
-        raise InputError(
-            f"device: {device} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
-        )
+    check_device(device)
     return StereoModel(load_network(path, name=architecture, options=options), device)
 
 

@@ -30,7 +30,7 @@ def test_the_defaults_are_one_process_on_the_cpu() -> None:
 
 @pytest.mark.parametrize("name", ["gpu", "cpu:0", "cuda:", "cuda:x", ""])
 def test_what_is_no_device_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"^device: found {name!r}, expected cpu, cuda or cuda:N$"):
+    with pytest.raises(InputError, match=f"^device: found {name!r}, expected cpu, cuda, cuda:N or mps$"):
         Compute(name)
 
 

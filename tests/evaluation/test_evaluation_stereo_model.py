@@ -115,7 +115,7 @@ def test_what_is_no_pair_is_refused(merged: Path, left: object, right: object, m
 
 def test_devices(merged: Path) -> None:
     assert "on cpu" in repr(sfkit.load(merged))
-    with pytest.raises(InputError, match="expected cpu, cuda or cuda:N"):
+    with pytest.raises(InputError, match="expected cpu, cuda, cuda:N or mps"):
         sfkit.load(merged, device="gpu")
     with pytest.raises(InputError, match=r"cuda:99 is not there"):
         sfkit.load(merged, device="cuda:99")
