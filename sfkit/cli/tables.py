@@ -20,7 +20,7 @@ def lines(
     texts = [
         [_text(value, digits.get(head, 0)) for head, value in zip(heads, row, strict=True)] for row in rows
     ]
-    widths = [max(len(head), *(len(row[n]) for row in texts)) for n, head in enumerate(heads)]
+    widths = [max([len(head), *(len(row[n]) for row in texts)]) for n, head in enumerate(heads)]
     numeric = [all(not isinstance(row[n], str) for row in rows) for n in range(len(heads))]
     excess = sum(widths) + 2 * (len(widths) - 1) - WIDTH
     for n in sorted(range(len(heads)), key=lambda n: -widths[n]):

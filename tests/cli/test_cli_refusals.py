@@ -12,7 +12,8 @@ import pytest
 from cli_cases import CASES, Case
 from cli_world import make_world
 
-from sfkit.cli import main, options
+from sfkit import merging
+from sfkit.cli import main
 from sfkit.evaluation.engines.worker import Worker
 from sfkit.merging.live import LiveModel
 
@@ -88,7 +89,7 @@ def test_arguments_and_outputs_are_checked_before_the_pool_is_opened(
         raise AssertionError(f"{path} was opened although other input is bad")
 
     monkeypatch.chdir(world)
-    monkeypatch.setattr(options, "open_pool", opened)
+    monkeypatch.setattr(merging, "open_pool", opened)
     with pytest.raises(SystemExit, match=r"^2$"):
         main(next(case for case in CASES if case.id == name).line.split())
     refusal(capsys.readouterr().err)
