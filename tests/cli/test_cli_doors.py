@@ -120,10 +120,6 @@ DOORS = (
     (f"predict pool/base.safetensors -l {LEFT} -r {RIGHT} --calib pipe -o new", "pipe", "a pipe or a device"),
     ("show pipe.pth", "pipe.pth", "a pipe or a device"),
     ("show /dev/zero", "/dev/zero", "a pipe or a device"),
-<<<<<<< HEAD
-    ("predict folder.pth -l pairs -r pairs -o new", "0 and 0 images"),
-=======
->>>>>>> f9dc2aa (Follow the words of the strict readers at the doors)
     (f"predict folder.pth -l {LEFT} -r {RIGHT} -o new", "folder.pth", "is a folder"),
     ("show lfs.safetensors", "lfs.safetensors", "Git LFS pointer", "git lfs pull"),
     ("show page.pth", "page.pth", "web page"),
