@@ -16,6 +16,7 @@ from sfkit.merging.flat import FlatLayout
 from sfkit.merging.members import Checked, PoolOpener, assemble
 from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.pool import Pool
+from sfkit.merging.recognition import recognised
 from sfkit.merging.tensor_specs import tensor_specs
 
 SHIPPED = "sfkit.bank"  # stands further right, and is imported when a name is looked up
@@ -64,8 +65,11 @@ def open_pool(
     partition = BlockPartition.of(spec.blocks or entry.blocks(options))
     partition.check(spec.key for spec in specs)
     opener = PoolOpener(entry, options, specs, cache or VectorCache())
-    base_file, *files = opener.headers((spec.base, *spec.sources))
-    base_file = base_file or opener.read(spec.base.path, is_base=True, wrapping=spec.base.wrapping)
+    try:
+        base_file, *files = opener.headers((spec.base, *spec.sources))
+        base_file = base_file or opener.read(spec.base.path, is_base=True, wrapping=spec.base.wrapping)
+    except InputError as error:
+        raise InputError(f"{error}{_another_architecture(spec, entry.name)}") from error
     base, record = opener.base(spec.base, base_file)
     order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
     staged = [
@@ -93,6 +97,17 @@ def open_pool(
     if wanted is None or isinstance(wanted, str):
         return pool
     return pool.with_blocks(wanted if isinstance(wanted, BlockPartition) else BlockPartition.of(wanted))
+
+
+def _another_architecture(spec: PoolSpec, name: str) -> str:
+    """Whose keys the base has, after a semicolon; nothing where they fit, or fit nothing that is known."""
+    try:
+        others = recognised(spec.base.path)
+    except InputError:  # it cannot be read at all, which has been said
+        return ""
+    if not others or name in others:
+        return ""
+    return f"; its keys are those of {' or '.join(others)}: is architecture = {name!r} what you meant?"
 
 
 def _refuse_twins(sources: Sequence[Checked]) -> None:

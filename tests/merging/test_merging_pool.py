@@ -12,6 +12,7 @@ from safetensors.torch import load_file, save_file
 from tiny import base_state, fine_tune, write_pool
 from torch import nn
 
+from sfkit import bank
 from sfkit.architectures import register_architecture
 from sfkit.checkpoints.checks import Kind
 from sfkit.checkpoints.spec import Member, PoolSpec
@@ -277,3 +278,10 @@ def test_task_arithmetic_on_real_weights_stays_finite(real_data: Path) -> None:
     assert all(bool((merged[key.removeprefix("module.")] > 0).all()) for key in variances)
     left, right = torch.randn(2, 1, 3, 64, 128, generator=torch.Generator().manual_seed(0)).unbind(0)
     assert bool(torch.isfinite(live.disparity(left, right)).all())
+
+
+def test_checkpoints_of_another_architecture_are_told_so() -> None:
+    folder = bank.pool_path().parent
+    members = [Member(name, folder / f"{name}.safetensors") for name in ("base", "haze")]
+    with pytest.raises(InputError, match=r"its keys are those of anynet: is architecture = 'nmrf-res'"):
+        open_pool(PoolSpec("other", "nmrf-res", members[0], (members[1],)))
