@@ -41,7 +41,8 @@ from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging import open_pool
 from sfkit.merging.live import LiveModel
 from sfkit.search import Journal, RoutingSettings, SubsetSettings, pipeline
-from sfkit.search.pipeline import Plan, search_pool
+from sfkit.search.pipeline import search_pool
+from sfkit.search.plan import SearchPlan
 
 PUBLISHED = PoolShape("anynet", sources=11)
 SIZE = (256, 512)
@@ -133,7 +134,7 @@ def measure(
             pool, validation = open_pool(path), noise(pairs)
             scorer = Evaluator(pool, validation, store=EvaluationStore(folder / "e.sqlite"))
             scorer([pool.equal(*pool.names[:2])])  # first forward passes prepare kernels
-        plan = Plan(
+        plan = SearchPlan(
             stage1=SubsetSettings(population=population, generations=generations),
             stage2=RoutingSettings(evaluations=evaluations),
         )

@@ -27,7 +27,8 @@ from sfkit.evaluation.engines.spawned import SAFE_PATH
 from sfkit.evaluation.table import write_table
 from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import Plan, search_pool, write_result
+from sfkit.search.pipeline import search_pool, write_result
+from sfkit.search.plan import SearchPlan
 from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.run_folder import run_folder
 
@@ -50,10 +51,10 @@ class Budget:
         """Candidates Stage 1 proposes; repeated ones cost nothing."""
         return self.population * (self.generations + 1)
 
-    def plan(self, seed: int) -> Plan:
+    def plan(self, seed: int) -> SearchPlan:
         """Both stages within this budget."""
         stage1 = SubsetSettings(population=self.population, generations=self.generations, seed=seed)
-        return Plan(stage1=stage1, stage2=RoutingSettings(evaluations=self.evaluations, seed=seed))
+        return SearchPlan(stage1=stage1, stage2=RoutingSettings(evaluations=self.evaluations, seed=seed))
 
 
 @dataclass(frozen=True)

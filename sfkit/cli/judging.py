@@ -9,7 +9,7 @@ from sfkit.analysis.search_verdict import SearchVerdict, search_verdict
 from sfkit.cli.options import say
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging import Pool
-from sfkit.search.pipeline import Found
+from sfkit.search.pipeline import SearchResult
 
 
 class Judge:
@@ -22,7 +22,7 @@ class Judge:
         self.said: dict[str, Any] = {}
         self._verdict: SearchVerdict | None = None
 
-    def __call__(self, found: Found) -> Mapping[str, Any]:
+    def __call__(self, found: SearchResult) -> Mapping[str, Any]:
         self.before = _counts(self._guides)
         say(f"verdict: beside base, {len(self._pool.names)} sources and uniform")
         self._verdict = search_verdict(
@@ -33,7 +33,7 @@ class Judge:
         self.said = {"verdict": self._verdict.as_dict()}
         return self.said
 
-    def lines(self, found: Found) -> list[str]:
+    def lines(self, found: SearchResult) -> list[str]:
         """The verdict; and how to get its network where the search wrote another."""
         assert self._verdict is not None
         lines = [*self._verdict.lines]

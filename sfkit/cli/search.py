@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from sfkit.datasets.metric import Metric
     from sfkit.evaluation.estimating import Estimate
     from sfkit.merging import Pool
-    from sfkit.search.pipeline import Found, Plan
+    from sfkit.search.pipeline import SearchResult
+    from sfkit.search.plan import SearchPlan
     from sfkit.search.records import Generation
 
 
@@ -99,10 +100,11 @@ def search(
     from sfkit.evaluation.combining import CombinedScorer
     from sfkit.evaluation.evaluator import Evaluator
     from sfkit.merging.saving import read_recipe
-    from sfkit.search.pipeline import Plan, cost, search_pool, summary
+    from sfkit.search.pipeline import cost, search_pool, summary
+    from sfkit.search.plan import SearchPlan
     from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
-    plan = Plan(
+    plan = SearchPlan(
         subset=_subset(subset, subset_from),
         stage1=SubsetSettings(**stage1),
         # A rank is for blocks that are not tied.
@@ -159,7 +161,7 @@ def search(
     emit(document, "\n".join([*judge.lines(found), text]), as_json=json)
 
 
-def _sized(plan: Plan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> Plan:
+def _sized(plan: SearchPlan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> SearchPlan:
     """The plan with the sizes that were named; the method's own for the others."""
     sizes = {name: stage1[name] for name in ("population", "generations", "survival") if name in stage1}
     second = plan.stage2
@@ -168,9 +170,9 @@ def _sized(plan: Plan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> 
     return replace(plan, stage1=replace(plan.stage1, **sizes), stage2=second)
 
 
-def _other_cost(plan: Plan, price: Estimate, pool: Pool) -> str | None:
+def _other_cost(plan: SearchPlan, price: Estimate, pool: Pool) -> str | None:
     """What the method that was not chosen would cost with its own sizes; None where it cannot do the same."""
-    from sfkit.search.pipeline import METHODS
+    from sfkit.search.plan import METHODS
 
     if plan.stage2 is not None and plan.stage2.holdout:
         return None
@@ -210,7 +212,7 @@ def _progress(stage: str, generation: Generation[Any]) -> None:
     say(f"{stage}, generation {generation.number}: best {score}; {done}")
 
 
-def _text(found: Found, metric: Metric | None, counts: Mapping[str, float]) -> str:
+def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float]) -> str:
     from sfkit.evaluation.changes import LABEL
     from sfkit.inspection import recipe_lines
 

@@ -52,7 +52,7 @@ from sfkit.errors import InputError, unknown_name
 from sfkit.files import home
 from sfkit.outside import read_toml
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import METHODS, Plan
+from sfkit.search.plan import METHODS, SearchPlan
 from sfkit.training import TrainingSettings
 
 KEYS = (
@@ -121,7 +121,7 @@ class Factory:
     combine: str
     tests: tuple[Benchmark, ...]
     given: tuple[Mapping[str, Any], ...]
-    plan: Plan
+    plan: SearchPlan
     out: Path
 
     @property
@@ -222,9 +222,9 @@ def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> 
     return Order(JOINT, data, TrainingSettings.from_dict(common, f"[training] in {path}"))
 
 
-def _plan(search: Mapping[str, Any]) -> Plan:
+def _plan(search: Mapping[str, Any]) -> SearchPlan:
     seed = int(search.get("seed", 0))
-    plan = Plan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
+    plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
     plan = plan.by(str(search.get("method", METHODS[0])))
     first = plan.stage1
     population = int(search.get("population", first.population))

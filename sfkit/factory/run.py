@@ -23,7 +23,7 @@ from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.network import load_network
-from sfkit.search.pipeline import Found, search_pool
+from sfkit.search.pipeline import SearchResult, search_pool
 from sfkit.training.scoring import scorer_of
 
 
@@ -58,7 +58,7 @@ class Made:
 
     items: tuple[Item, ...]
     pool: Path
-    found: Found
+    found: SearchResult
     scores: dict[str, dict[str, float]]
     costs: tuple[Cost, ...]
     trained: tuple[str, ...]
@@ -160,7 +160,7 @@ def _identity(pair: Pair) -> object:
 
 
 def _scores(
-    factory: Factory, pool: Pool, found: Found, guides: Sequence[Evaluator], compute: Compute
+    factory: Factory, pool: Pool, found: SearchResult, guides: Sequence[Evaluator], compute: Compute
 ) -> dict[str, dict[str, float]]:
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), "merged": found.recipe}
     recipes |= {name: pool.equal(name) for name in pool.names}
@@ -191,7 +191,7 @@ def _training_costs(factory: Factory, items: Sequence[Item]) -> list[Cost]:
     return [Cost(i.name, i.steps * batches[i.name], i.seconds) for i in items if i.seconds is not None]
 
 
-def _search_cost(factory: Factory, found: Found) -> Cost:
+def _search_cost(factory: Factory, found: SearchResult) -> Cost:
     """Of every recipe once, whatever the store held already."""
     images = sum(len(guide) for guide in factory.validation)
     files = [found.folder / name for name in ("stage1.csv", "stage2.csv")]

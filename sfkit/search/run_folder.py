@@ -40,7 +40,7 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
 
     Args:
         path: the folder.
-        identity: which search is to run, from :meth:`sfkit.search.pipeline.Plan.identity`.
+        identity: which search is to run, from :meth:`sfkit.search.plan.SearchPlan.identity`.
         force: whether another search's results may be replaced.
 
     Raises:

@@ -26,7 +26,8 @@ from sfkit.evaluation.engines.processes import cores, process_engine, seats_on
 from sfkit.evaluation.store import Evaluation
 from sfkit.merging import Pool, open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import Plan, search_pool, summary
+from sfkit.search.pipeline import search_pool, summary
+from sfkit.search.plan import SearchPlan
 
 END_SECONDS = 120  # longer than any process here takes to end; only a broken test waits that long
 
@@ -54,7 +55,7 @@ def pairs(tmp_path_factory: pytest.TempPathFactory) -> Benchmark:
 
 def searched(pool: Pool, pairs: Benchmark, folder: Path, engine: str, workers: int) -> dict[str, Any]:
     """Both stages with an engine: what they found, and every evaluation on the way there."""
-    plan = Plan(
+    plan = SearchPlan(
         stage1=SubsetSettings(population=6, generations=2, seed=3),
         stage2=RoutingSettings(evaluations=9, seed=3),
     )

@@ -15,9 +15,10 @@ from sfkit.errors import SfkitError
 from sfkit.evaluation.written import ensure_as_scored
 from sfkit.merging.pool import Pool
 from sfkit.search import SubsetSettings
-from sfkit.search.pipeline import Plan, search_pool
+from sfkit.search.pipeline import search_pool
+from sfkit.search.plan import SearchPlan
 
-PLAN = Plan(stage1=SubsetSettings(population=4, generations=2), stage2=None)
+PLAN = SearchPlan(stage1=SubsetSettings(population=4, generations=2), stage2=None)
 
 
 def pairs() -> Benchmark:

@@ -15,17 +15,18 @@ import flat_world
 
 from sfkit.evaluation import EvaluationStore, Evaluator
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import Found, Plan, search_pool
+from sfkit.search.pipeline import SearchResult, search_pool
+from sfkit.search.plan import SearchPlan
 
 LEVELS = {"a": 4.0, "b": 12.0, "c": -8.0, "d": 90.0, "e": 6.5}
-PLAN = Plan(
+PLAN = SearchPlan(
     stage1=SubsetSettings(population=6, generations=3, seed=5),
     stage2=RoutingSettings(evaluations=18, seed=5),
 )
 STORE, JOURNAL, RESULT = "evaluations.sqlite.gz", "journal.jsonl.gz", "result.json"
 
 
-def search(folder: Path, store: Path) -> tuple[Found, Evaluator]:
+def search(folder: Path, store: Path) -> tuple[SearchResult, Evaluator]:
     """Both stages, scored in pixels: what they found, and what that took."""
     pool = flat_world.flat_pool(folder / "pool", LEVELS)
     pairs = flat_world.benchmark(truths=(5.625,), metric="epe")

@@ -22,7 +22,8 @@ from sfkit.datasets.benchmark import open_benchmark
 from sfkit.evaluation import EvaluationStore, Evaluator, prepared
 from sfkit.merging import open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.pipeline import Plan, search_pool
+from sfkit.search.pipeline import search_pool
+from sfkit.search.plan import SearchPlan
 
 
 @pytest.fixture(autouse=True)
@@ -118,7 +119,9 @@ def test_images_are_read_decoded_and_prepared_once_for_a_whole_search(
     counted(prepared, "regions_of", lambda sample, *__: f"regions of {sample.id}")
     pool = open_pool(tmp_path / "pool" / "pool.toml")
     evaluator = Evaluator(pool, open_benchmark("pairs", tmp_path / "pairs", metric="epe"))
-    plan = Plan(stage1=SubsetSettings(population=6, generations=2), stage2=RoutingSettings(evaluations=12))
+    plan = SearchPlan(
+        stage1=SubsetSettings(population=6, generations=2), stage2=RoutingSettings(evaluations=12)
+    )
     search_pool(pool, evaluator, plan, tmp_path / "run")
     assert evaluator.counts.computed > 20
     files = {Path(f"pair{n}") / f"{side}.png": 1 for n in range(3) for side in ("left", "right")}
