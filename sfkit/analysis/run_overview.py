@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from sfkit.datasets.metric import Metric
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
+from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.run_folder import SEARCH
 from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun
@@ -82,17 +83,25 @@ def _stage(run: StageRun, found: JournalledSearch | None) -> StageOverview:
 def recorded_metrics(path: Path) -> str | None:
     """The metrics that guided the search of a folder, with their units; None where it does not say them.
 
-    Raises:
-        InputError: what says so cannot be read.
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where what should say so cannot be read: one damaged search
+    keeps nobody from looking at the others.
     """
     record = path / SEARCH
     if not record.is_file():
         return None
     try:
-        names = json.loads(record.read_text(encoding="utf-8"))["metrics"]
-        return ", ".join(f"{name} [{Metric.parse(name).unit}]" for name in names) or None
-    except (OSError, ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{record}: cannot be read ({error!r}), expected which search this is") from error
+        return ", ".join(map(_with_unit, read_json(record)["metrics"])) or None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        warnings.warn(f"{record}: does not say which search this is ({error})", SfkitWarning, stacklevel=2)
+        return None
+
+
+def _with_unit(name: str) -> str:
+    """The metric with its unit; by its name alone where it was registered elsewhere."""
+    try:
+        return f"{name} [{Metric.parse(name).unit}]"
+    except InputError:
+        return name
 
 
 def source_importance(sources: Sequence[str], candidates: Sequence[Mapping[str, Any]]) -> dict[str, float]:

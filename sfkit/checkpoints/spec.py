@@ -48,7 +48,7 @@ _KEYS = ("name", "architecture", "module", "root", "options", "base", "sources",
 _MEMBER_KEYS = ("file", "licence", "note", *_WRAPPING)
 ROWS = ("base", "uniform")
 """What tables and merged files call other networks than sources."""
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+SOURCE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ def _root(text: object, path: Path) -> Path:
 
 
 def _member(name: str, entry: object, root: Path, path: Path, where: str, common: Wrapping) -> Member:
-    if not _NAME.fullmatch(name):
+    if not SOURCE_NAME.fullmatch(name):
         raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
     if not isinstance(entry, dict):
         raise InputError(f"{path}: {where} is {entry!r}, expected a table with file and licence")

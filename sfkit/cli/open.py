@@ -48,4 +48,4 @@ def open_notebook(
         write_bytes(target, found.read_bytes())
     emit({"notebook": target, "kept": kept}, f"{'kept' if kept else 'wrote'} {target}", as_json=json)
     if lab:
-        raise typer.Exit(subprocess.call([sys.executable, "-m", "jupyterlab", str(target)]))
+        raise typer.Exit(subprocess.call([sys.executable, "-P", "-m", "jupyterlab", str(target)]))

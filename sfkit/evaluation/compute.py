@@ -110,7 +110,7 @@ def check_device(name: str, argument: str = "device") -> None:
         return
     import torch
 
-    if int(number or 0) >= torch.cuda.device_count():
+    if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
         raise InputError(
             f"{argument}: {name} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
         )

@@ -103,14 +103,13 @@ def restore(db: sqlite3.Connection, path: Path) -> None:
     Raises:
         StoreError: that cannot be done; the connection stays open.
     """
+    place = Path(os.path.realpath(path))
     try:
-        with writing(Path(os.path.realpath(path))) as fresh:
+        with writing(place) as fresh:
             with closing(sqlite3.connect(fresh)) as copy:
                 db.backup(copy)
             db.close()
-            for left in companions(
-                path
-            ):  # of the file that was deleted: SQLite would take them for the new one's
+            for left in companions(place):  # of the deleted file: SQLite would take them for the new one's
                 left.unlink(missing_ok=True)
     except (OSError, sqlite3.Error) as error:
         raise StoreError(

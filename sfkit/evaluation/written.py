@@ -58,6 +58,8 @@ def _ensure_scored(
     held = evaluator.store.get(key)
     if held is None or key in dict(evaluator.store.marks(mark)) or not _is_here(evaluator):
         return
+    if evaluator.compute.kind != "cpu":
+        evaluator.release()  # a device may have room for one network; on the CPU workers are worth keeping
     model = evaluator.compute.model(evaluator.pool)
     for name, target in model.network.state_dict(keep_vars=True).items():
         if name in tensors:

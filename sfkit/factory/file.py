@@ -43,14 +43,16 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.bank.rendered import RenderedPair
+from sfkit.checkpoints.spec import SOURCE_NAME
 from sfkit.datasets.benchmark import open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.synthetic import domains
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.separation import check_separation
 from sfkit.files import home
-from sfkit.outside import read_toml
+from sfkit.outside import read_toml, table, text
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.plan import METHODS, SearchPlan
 from sfkit.training import TrainingSettings
@@ -69,6 +71,7 @@ KEYS = (
 )
 SOURCE_KEYS = ("data", "root", "pairs", "training", "licence", "all", "coding")
 SEARCH_KEYS = ("method", "population", "generations", "evaluations", "combine", "seed")
+TABLES = ("options", "training", "sources", "search")
 COMBINATIONS = ("mean", "worst")
 JOINT = "joint"
 
@@ -144,12 +147,16 @@ def read_factory(path: str | Path) -> Factory:
         if not values.get(key):
             raise InputError(f"{path}: the key {key} is missing, expected it")
     here = path.parent
-    common = dict(values.get("training", {}))
-    _known(f"key of [search] in {path}", values.get("search", {}), SEARCH_KEYS)
-    combine = values.get("search", {}).get("combine", COMBINATIONS[0])
+    tables = {key: table(values.get(key, {}), f"{path}: {key}") for key in TABLES}
+    common, search = tables["training"], tables["search"]
+    _known(f"key of [search] in {path}", search, SEARCH_KEYS)
+    combine = search.get("combine", COMBINATIONS[0])
     if combine not in COMBINATIONS:
         raise unknown_name(f"combine of [search] in {path}", str(combine), COMBINATIONS)
-    orders = tuple(_order(path, name, dict(entry), common) for name, entry in values["sources"].items())
+    orders = tuple(
+        _order(path, name, table(entry, f"[sources.{name}] in {path}"), common)
+        for name, entry in tables["sources"].items()
+    )
     guides = values["validation"]
     guides = guides if isinstance(guides, list) else [guides]
     given = tuple(_given(path, entry) for entry in (*guides, *values.get("tests", [])))
@@ -161,32 +168,36 @@ def read_factory(path: str | Path) -> Factory:
     for test in tests:
         if test.fingerprint() in seen:
             raise InputError(f"{path}: {test.name} is validation and test, expected other pairs to test on")
+    check_separation(validation, tests)
     return Factory(
         file=path,
-        name=str(values["name"]),
-        base=here / values["base"],
-        architecture=str(values["architecture"]),
-        options=dict(values.get("options", {})),
+        name=text(values["name"], f"{path}: name"),
+        base=here / home(text(values["base"], f"{path}: base")),
+        architecture=text(values["architecture"], f"{path}: architecture"),
+        options=tables["options"],
         orders=orders,
         joint=_joint(orders, common, path) if values.get("joint", False) else None,
         validation=validation,
         combine=combine,
         tests=tests,
         given=given,
-        plan=_plan(values.get("search", {})),
-        out=here / values.get("out", "."),
+        plan=_plan(path, search),
+        out=here / home(text(values.get("out", "."), f"{path}: out")),
     )
 
 
 def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, Any]) -> Order:
     where = f"[sources.{name}] in {path}"
     _known(f"key of {where}", entry, SOURCE_KEYS)
+    if not SOURCE_NAME.fullmatch(name):
+        raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
     if name == JOINT:
         raise InputError(f"{path}: found a source called {JOINT!r}, which names the joint network; rename it")
     data = _data(path, where, entry)
     if "pairs" in entry:
-        data = data.first(int(entry["pairs"]))
-    settings = TrainingSettings.from_dict({**common, **entry.get("training", {})}, where)
+        data = data.first(_whole(entry["pairs"], f"{where}: pairs", least=1))
+    own = table(entry.get("training", {}), f"[sources.{name}.training] in {path}")
+    settings = TrainingSettings.from_dict({**common, **own}, where)
     return Order(name, data, settings, str(entry.get("licence", "")))
 
 
@@ -222,18 +233,26 @@ def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> 
     return Order(JOINT, data, TrainingSettings.from_dict(common, f"[training] in {path}"))
 
 
-def _plan(search: Mapping[str, Any]) -> SearchPlan:
-    seed = int(search.get("seed", 0))
+def _plan(path: Path, search: Mapping[str, Any]) -> SearchPlan:
+    def size(key: str, default: int) -> int:
+        return _whole(search.get(key, default), f"{key} of [search] in {path}")
+
+    seed = size("seed", 0)
     plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
     plan = plan.by(str(search.get("method", METHODS[0])))
     first = plan.stage1
-    population = int(search.get("population", first.population))
-    generations = int(search.get("generations", first.generations))
+    population, generations = size("population", first.population), size("generations", first.generations)
     plan = replace(plan, stage1=replace(first, population=population, generations=generations))
-    if "evaluations" in search and plan.stage2 is not None:
-        budget = int(search["evaluations"])
+    if plan.stage2 is not None:
+        budget = size("evaluations", plan.stage2.evaluations)
         plan = replace(plan, stage2=replace(plan.stage2, evaluations=budget) if budget else None)
     return plan
+
+
+def _whole(value: object, where: str, least: int = 0) -> int:
+    if type(value) is not int or value < least:
+        raise InputError(f"{where}: found {value!r}, expected a whole number of at least {least}")
+    return value
 
 
 def _known(what: str, values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:

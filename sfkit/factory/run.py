@@ -72,8 +72,9 @@ class Made:
         """
         seconds = {cost.part: cost.seconds for cost in self.costs}
         search, joint = seconds.pop("search"), seconds.pop(JOINT, None)
-        found = {"sources": 100.0 * search / math.fsum(seconds.values())}
-        return found if joint is None else {**found, JOINT: 100.0 * search / joint}
+        total = math.fsum(seconds.values())
+        found = {"sources": 100.0 * search / total} if total else {}  # records of trainings may be gone
+        return {**found, JOINT: 100.0 * search / joint} if joint else found
 
 
 def run(
@@ -104,39 +105,45 @@ def run(
     trained = train_missing(factory, devices=devices, ray=compute.engine == "ray", say=say)
     pool_file = write_text(factory.out / "pool.toml", pool_toml(factory))
     pool = open_pool(pool_file)
-    store = EvaluationStore(factory.out / "evaluations.sqlite")
-    before = len(store)
-    guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
-    scorer: Scorer = guides[0] if len(guides) == 1 else CombinedScorer(guides, factory.combine)
-    # A source that was added makes another search, whose result is to take the former one's place.
-    found = search_pool(pool, scorer, factory.plan, factory.out / "search", force=True)
-    scores = _scores(factory, pool, found, guides, compute)
+    with EvaluationStore(factory.out / "evaluations.sqlite") as store:
+        before = len(store)
+        guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
+        scorer: Scorer = guides[0] if len(guides) == 1 else CombinedScorer(guides, factory.combine)
+        # A source that was added makes another search, whose result is to take the former one's place.
+        found = search_pool(pool, scorer, factory.plan, factory.out / "search", force=True)
+        scores = _scores(factory, pool, found, guides, compute)
+        evaluated = len(store) - before
     write_text(factory.out / "scores.json", json.dumps(scores, indent=2) + "\n")
     items = status(factory)
     costs = (*_training_costs(factory, items), _search_cost(factory, found))
     table = pd.DataFrame([asdict(cost) for cost in costs])
     write_text(factory.out / "costs.csv", table.to_csv(index=False))
-    return Made(items, pool_file, found, scores, costs, trained, len(store) - before)
+    return Made(items, pool_file, found, scores, costs, trained, evaluated)
 
 
 def pool_toml(factory: Factory) -> str:
     """The text of the pool's file; its paths are absolute."""
     root = factory.out.resolve()
-    options = "".join(f"{key} = {json.dumps(value)}\n" for key, value in factory.options.items())
+    options = "".join(f"{key} = {_value(value)}\n" for key, value in factory.options.items())
     lines = [
-        f"name = {json.dumps(factory.name)}",
-        f"architecture = {json.dumps(factory.architecture)}",
+        f"name = {_value(factory.name)}",
+        f"architecture = {_value(factory.architecture)}",
         'root = "/"',
         f"\n[options]\n{options}" if options else "",
-        f"[base]\nfile = {json.dumps(str(factory.base.resolve()))}",
+        f"[base]\nfile = {_value(str(factory.base.resolve()))}",
     ]
     for order in factory.orders:
         file, made = file_of(factory, order)
         lines.append(
-            f"\n[sources.{order.name}]\nfile = {json.dumps(str(root / file.resolve()))}\n"
-            + (f"licence = {json.dumps(made['licence'])}" if made["licence"] else "")
+            f"\n[sources.{_value(order.name)}]\nfile = {_value(str(root / file.resolve()))}\n"
+            + (f"licence = {_value(made['licence'])}" if made["licence"] else "")
         )
     return "\n".join(lines) + "\n"
+
+
+def _value(value: object) -> str:
+    """Strings, numbers, truth values and lists of them are written alike in TOML and JSON."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def warn_of_seen_pairs(factory: Factory) -> None:
@@ -171,6 +178,7 @@ def _scores(
         benchmark = evaluator.benchmark
         for name, outcome in zip(recipes, evaluator(list(recipes.values())), strict=True):
             scores[name][benchmark.name] = outcome.score
+        evaluator.release()  # one network in memory at a time
         if factory.joint is not None:
             scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(factory, benchmark, compute.device)
     return scores

@@ -13,6 +13,7 @@ from typing import Any
 from sfkit.errors import InputError, SfkitError
 from sfkit.evaluation.compute import ensure_ray
 from sfkit.evaluation.engines.ray_actors import connect
+from sfkit.evaluation.engines.spawned import ISOLATED
 from sfkit.factory.file import Factory, Order, read_factory
 from sfkit.factory.status import DONE, file_of, status
 from sfkit.training.finetune import finetune
@@ -103,8 +104,10 @@ def _side_by_side(file: Path, names: Sequence[str], devices: Sequence[str], say:
         waiting.put(name)
     failures: list[str] = []
 
+    stopped = threading.Event()
+
     def work(device: str) -> None:
-        while True:
+        while not stopped.is_set():
             try:
                 name = waiting.get_nowait()
             except Empty:
@@ -112,17 +115,21 @@ def _side_by_side(file: Path, names: Sequence[str], devices: Sequence[str], say:
             if failure := _train_in_child(file, name, device, say):
                 failures.append(failure)
 
-    threads = [threading.Thread(target=work, args=(device,)) for device in devices[: len(names)]]
+    # Daemons, which an interrupt does not wait for: their children end with this process.
+    threads = [threading.Thread(target=work, args=(device,), daemon=True) for device in devices[: len(names)]]
     for thread in threads:
         thread.start()
-    for thread in threads:
-        thread.join()
+    try:
+        for thread in threads:
+            thread.join()
+    finally:
+        stopped.set()  # a notebook's kernel lives on
     _raise(failures)
 
 
 def _train_in_child(file: Path, name: str, device: str, say: Say) -> str:
     """Train in another process, which ends when its standard input does; what failed, or nothing."""
-    command = [sys.executable, "-m", "sfkit.factory.child", str(file), name, device]
+    command = [sys.executable, ISOLATED, "-m", "sfkit.factory.child", str(file), name, device]
     child = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
     )
@@ -143,7 +150,8 @@ def _on_ray(file: Path, names: Sequence[str], device: str, say: Say) -> None:
         connect(ray)
     wanted: dict[str, Any] = {"num_gpus": 1} if device.startswith("cuda") else {"num_cpus": 1}
     task: Any = ray.remote(max_retries=1, **wanted)(_train_there)
-    running = {task.remote(str(file.resolve()), name, device): name for name in names}
+    kind = device.partition(":")[0]  # a task sees the one GPU it was given, as the first
+    running = {task.remote(str(file.resolve()), name, kind): name for name in names}
     failures = []
     for done in _as_they_end(list(running)):
         name = running[done]

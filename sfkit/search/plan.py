@@ -67,7 +67,8 @@ class SearchPlan:
         first = 0
         if self.subset is None:
             search = self.subset_search(pool, _nobody)
-            first = min(search.most, search.space.subsets)
+            alone = len(pool.names) if getattr(self.stage1, "singles", False) else 0
+            first = min(search.most, search.space.subsets + alone)
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
     def by(self, method: str, batch: int = 1) -> SearchPlan:

@@ -57,8 +57,13 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
             f"{path}: another search is writing to this folder, choose another (--out) or wait for its end"
         ) from error
     try:
-        if not force:  # it may have begun since
-            _refuse_other(path, identity)
+        try:
+            _refuse_other(path, identity)  # another may have begun since
+        except InputError:
+            if not force:
+                raise
+            for name in OUTPUTS:  # nothing of another search may pass as this one's
+                (path / name).unlink(missing_ok=True)
         write_text(path / SEARCH, json.dumps(identity, indent=1) + "\n")
         yield RunFolder(path)
     finally:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from sfkit.analysis.run_overview import RunOverview, recorded_metrics, run_overview, source_importance
-from sfkit.errors import InputError
+from sfkit.errors import SfkitWarning
 from sfkit.figures.run_page import run_page
 from sfkit.search.journal import Journal
 from sfkit.search.runs import read_run
@@ -97,5 +97,7 @@ def test_the_metric_is_what_the_folder_says(tmp_path: Path) -> None:
     (tmp_path / "search.json").write_text(json.dumps({"metrics": ["bad-1.0", "epe"]}))
     assert recorded_metrics(tmp_path) == "bad-1.0 [%], epe [px]"
     (tmp_path / "search.json").write_text("[]")
-    with pytest.raises(InputError, match=r"search\.json: cannot be read .*expected which search this is"):
-        recorded_metrics(tmp_path)
+    with pytest.warns(SfkitWarning, match=r"search\.json: does not say which search this is"):
+        assert recorded_metrics(tmp_path) is None
+    (tmp_path / "search.json").write_text(json.dumps({"metrics": ["registered-elsewhere"]}))
+    assert recorded_metrics(tmp_path) == "registered-elsewhere"

@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 from flat_world import benchmark, flat_pool
 
 from sfkit import Compute, EvaluationStore, Evaluator, InputError, score_recipes
 from sfkit.analysis import Experiment, measure_recipes
+from sfkit.evaluation.compute import check_device
 from sfkit.merging import Pool
 from sfkit.merging.forward import ForwardMode
 
@@ -103,3 +105,11 @@ def test_an_experiment_with_another_metric_has_its_threshold(experiment: Experim
 
 def test_an_experiment_that_draws_otherwise_keeps_its_evaluators(experiment: Experiment) -> None:
     assert experiment.changed(seed=1, population=4).scorer() is experiment.scorer()
+
+
+def test_a_mac_with_metal_has_mps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: True)
+    check_device("mps")
+    monkeypatch.setattr(torch.backends.mps, "is_available", lambda: False)
+    with pytest.raises(InputError, match="mps is not there"):
+        check_device("mps")

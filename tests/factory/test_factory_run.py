@@ -116,6 +116,14 @@ def test_a_source_that_was_begun_goes_on_where_it_was(tmp_path: Path) -> None:
         ('data = "bank:haze"', 'data = "sintel"', "the key root is missing, expected the folder of 'sintel'"),
         ('"bank:grey-workshop"', '"bank:courtyard"', "courtyard is validation and test"),
         ("batch = 2", "bach = 2", "unknown key of .* 'bach'"),
+        ("population = 4", 'population = "x"', "population of .*: found 'x', expected a whole number"),
+        ("evaluations = 0", "evaluations = 2.7", "evaluations of .*: found 2.7, expected a whole number"),
+        ("[sources.haze]", '[sources."a b"]', "source name 'a b', expected letters, digits"),
+        (
+            'name = "bank:grey-workshop"\npairs = 1',
+            'name = "bank:courtyard"\npairs = 2',
+            "'courtyard': found .* among the pairs that guide the search",
+        ),
     ],
 )
 def test_a_file_that_makes_no_sense_is_refused(tmp_path: Path, old: str, new: str, sentence: str) -> None:
@@ -181,7 +189,7 @@ def test_several_guides_a_method_and_what_the_search_costs_at_most(tmp_path: Pat
     factory = read_factory(path)
     assert [len(guide) for guide in factory.validation] == [1, 2]
     assert (factory.combine, factory.plan.method) == ("worst", "bayesian")
-    assert most_evaluations(factory) == 4 + 12  # of three sources there are four subsets of two or more
+    assert most_evaluations(factory) == 4 + 3 + 12  # of three sources: four subsets, and each alone
     with pytest.raises(sfkit.InputError, match="2 validation benchmarks, method bayesian"):
         report_values(factory)
 

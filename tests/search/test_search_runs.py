@@ -15,6 +15,7 @@ from sfkit.evaluation.outcome import Outcome
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.recipe import Recipe
 from sfkit.search import Journal, RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
+from sfkit.search.run_folder import OUTPUTS, STORE, run_folder
 from sfkit.search.runs import State, compare_runs, find_runs, read_run, run_table
 
 NAMES, BLOCKS = ("a", "b", "c"), ("x",)
@@ -119,3 +120,18 @@ def test_importing_keeps_what_is_there(tmp_path: Path) -> None:
         held = {e.description["name"]: e for e in target}
     assert held["k1"].images[0].above(1.0) == 3, "the first score written is the truth"
     assert held["k3"].failure is None, "a score takes the place of a failure"
+
+
+def test_nothing_of_another_search_passes_as_the_one_that_replaced_it(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with run_folder(folder, {"seed": 1}):
+        for name in OUTPUTS:
+            (folder / name).write_text("of seed 1")
+        (folder / STORE).write_text("evaluations")
+    with run_folder(folder, {"seed": 1}, force=True):
+        assert all((folder / name).exists() for name in OUTPUTS), "the same search goes on"
+    with pytest.raises(InputError, match="holds another search"), run_folder(folder, {"seed": 2}):
+        pass
+    with run_folder(folder, {"seed": 2}, force=True):
+        assert [name for name in OUTPUTS if (folder / name).exists()] == []
+        assert (folder / STORE).read_text() == "evaluations", "what was computed is kept"
