@@ -8,10 +8,14 @@ the version counts, unless the builder itself belongs to one. Names that only ``
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import dataclasses
 import dis
 import enum
 import functools
 import hashlib
+import importlib
 import inspect
 import logging
 import re
@@ -145,9 +149,9 @@ class _Walk:
             else:
                 self.take(constant, path)
         for name in _read_names(code):
-            if name in names:
+            if name in names and name not in _import_names(code):
                 self.named(name, names[name], code.co_names)
-            elif (module := _imported(name, names)) is not None:
+            elif name in _import_names(code) and (module := _imported(name, names)) is not None:
                 self.named(name, module, code.co_names)
 
     def named(self, name: str, value: Any, attributes: Iterable[str]) -> None:
@@ -213,6 +217,19 @@ class _Walk:
         elif isinstance(value, enum.Enum):
             self.say(value.name, repr(value.value))
             self.take(kind, kind.__qualname__)
+        elif isinstance(value, dataclasses.Field):
+            for name in ("name", "default", "default_factory", "init", "kw_only"):
+                self.take(getattr(value, name), f"{path}.{name}")
+        elif kind.__module__ == "dataclasses":  # what is missing, and how the class was made
+            self.say(repr(value) if hasattr(value, "frozen") else "")
+        elif kind.__module__ == "_collections":  # a named tuple's fields
+            self.say(repr(value))
+        elif isinstance(value, torch.utils._contextlib._DecoratorContextManager):  # no_grad and its like
+            self.say(getattr(value, "mode", ""))
+        elif isinstance(value, torch.autocast):
+            self.say(value.device, value.fast_dtype, value._enabled)
+        elif isinstance(value, argparse.Namespace | types.SimpleNamespace):
+            self.take(dict(sorted(vars(value).items())), path)
         elif isinstance(value, torch.jit.ScriptFunction):
             self.say(value.code)
         elif inspect.isfunction(inner := getattr(value, "__wrapped__", None)):  # lru_cache and its like
@@ -279,12 +296,31 @@ def _installed(package: str) -> str:
 
 @functools.cache
 def _read_names(code: types.CodeType) -> tuple[str, ...]:
-    """The names code reads and does not set: a counter that a run moves is none of its identity."""
-    stored = {step.argval for step in dis.get_instructions(code) if step.opname == "STORE_GLOBAL"}
-    return tuple(name for name in code.co_names if name not in stored)
+    """The globals code reads and does not set: a counter that a run moves is none of its identity.
+
+    Attributes are none, though a global may have the same name: ``self.pool`` reads no ``pool``.
+    """
+    steps = list(dis.get_instructions(code))
+    stored = {step.argval for step in steps if step.opname == "STORE_GLOBAL"}
+    reads = {"LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS", "LOAD_CLASSDEREF", "IMPORT_NAME"}
+    read = {step.argval for step in steps if step.opname in reads}
+    return tuple(name for name in code.co_names if name in read and name not in stored)
+
+
+@functools.cache
+def _import_names(code: types.CodeType) -> frozenset[str]:
+    """What an import statement in code names; attributes of that spelling are none."""
+    return frozenset(s.argval for s in dis.get_instructions(code) if s.opname == "IMPORT_NAME")
 
 
 def _imported(name: str, names: dict[str, Any]) -> types.ModuleType | None:
-    """A module that code imports where it runs, if that has happened."""
+    """A module that code imports where it runs; imported now, so that the digest does not wait for a run."""
     package = names.get("__package__")
-    return sys.modules.get(name) or (sys.modules.get(f"{package}.{name}") if package else None)
+    full = [name, f"{package}.{name}"] if package else [name]
+    for module in full:
+        if module in sys.modules:
+            return sys.modules[module]
+    for module in full:
+        with contextlib.suppress(ImportError, ValueError):  # "from . import x" names nothing
+            return importlib.import_module(module)
+    return None

@@ -58,7 +58,7 @@ def other_content(path: Path) -> str | None:
         begin = stream.read(64).lstrip()
     if begin.startswith(b"version https://git-lfs"):
         return "is a Git LFS pointer, expected the weights it stands for: fetch them with git lfs pull"
-    if begin.startswith(b"<"):
+    if begin.lower().startswith((b"<!doctype", b"<html", b"<head", b"<?xml")):
         return "is a web page, expected weights: look whether the download needs a login"
     return None
 

@@ -83,8 +83,11 @@ def _jpeg_ends(data: bytes) -> bool:
     """Walk the segments up to the image's own end: that of a thumbnail in one of them is another."""
     at = 2
     while at + 4 <= len(data):
-        if data[at] != 0xFF:
-            return False
+        if data[at] != 0xFF:  # padding between segments, which decoders skip
+            at = data.find(b"\xff", at)
+            if at < 0:
+                return False
+            continue
         kind = data[at + 1]
         if kind == 0xFF:  # filling
             at += 1
@@ -113,7 +116,13 @@ def _filled(pixels: NDArray[Any]) -> bool:
     first = int(np.flatnonzero(other)[-1]) + 1 if other.any() else 0
     row = pixels[max(first - _BLOCK, 0) : first]
     starts_inside = bool((row[:, -_BLOCK:] == last).all()) and bool((row[:, :_BLOCK] != last).any())
-    return pixels.shape[0] - first >= 2 * _BLOCK and starts_inside
+    if pixels.shape[0] - first < 2 * _BLOCK or not starts_inside:
+        return False
+    # Blocks end at one column in all their rows; the edge of a turned image does not.
+    ends = [
+        int(np.flatnonzero((line != last).reshape(len(line), -1).any(axis=1)).max(initial=0)) for line in row
+    ]
+    return max(ends) - min(ends) <= 2 * _BLOCK
 
 
 def _png_ends(data: bytes) -> bool:

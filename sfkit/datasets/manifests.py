@@ -18,7 +18,7 @@ from sfkit.outside import read_toml
 
 ID, RESOLUTION = "{id}", "{resolution}"
 MOST = 1_000_000
-_COUNTED = re.compile(r"[^{}]*\{:0?\d?\d?d\}[^{}]*")
+_COUNTED = re.compile(r"[^{}]*\{0?(?::0?\d?\d?d?)?\}[^{}]*")
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,8 @@ def _ids(path: Path, given: Any) -> tuple[str, ...]:
     """The ids as listed, or counted: ``{format = "{:06d}_10", count = 194}``."""
     if isinstance(given, dict) and set(given) == {"format", "count"}:
         form, count = given["format"], given["count"]
-        if not (isinstance(form, str) and _COUNTED.fullmatch(form)) or count not in range(1, MOST + 1):
+        counted = type(count) is int and count in range(1, MOST + 1)
+        if not (isinstance(form, str) and _COUNTED.fullmatch(form)) or not counted:
             raise InputError(
                 f"{path}: ids is {given!r}, expected a format such as '{{:06d}}_10' and a count up to {MOST}"
             )

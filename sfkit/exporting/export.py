@@ -240,8 +240,8 @@ def _fingerprint(path: Path) -> str:
 def _write_checkpoint(path: Path, out: Path, *, overwrite: bool) -> None:
     file, metadata = read_checkpoint(path), stated_metadata(path) or {}
     form = FileForm.ORIGINAL
+    write_beside(out, file.layout, metadata, state=file.tensors, overwrite=overwrite)
     write_checkpoint(out, file.tensors, layout=file.layout, metadata=metadata, form=form, overwrite=overwrite)
-    write_beside(out, file.layout, metadata)
 
 
 def _stated_options(path: Path) -> Mapping[str, Any] | None:

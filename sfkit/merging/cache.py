@@ -78,7 +78,7 @@ class VectorCache:
 
     def file(self, file: CheckpointFile, architecture: str) -> FileRecord | None:
         """What is known of a checkpoint, read as one architecture names its keys, if it has not changed."""
-        values = _read(self._file(file.path, architecture))
+        values = _read(self._file(file, architecture))
         if values is None or values.get("signature") != _looks(file):
             return None
         return FileRecord(values["fingerprint"], values["digests"])
@@ -86,7 +86,7 @@ class VectorCache:
     def remember(self, file: CheckpointFile, architecture: str, record: FileRecord) -> None:
         """Keep what reading a checkpoint has told."""
         values = {"path": str(file.path), "signature": _looks(file), **asdict(record)}
-        _write(self._file(file.path, architecture), values)
+        _write(self._file(file, architecture), values)
 
     def vector(self, key: str) -> tuple[VectorRecord, torch.Tensor] | None:
         """A cached task vector, mapped; None where there is none, or another than was written."""
@@ -162,8 +162,10 @@ class VectorCache:
         for suffix in (".json", ".f32"):
             self._vector(name, suffix).unlink(missing_ok=True)
 
-    def _file(self, path: Path, architecture: str) -> Path:
-        return self._folder("files") / f"{text_digest(f'{architecture} {path.absolute()}')}.json"
+    def _file(self, file: CheckpointFile, architecture: str) -> Path:
+        # One file may hold several networks: weights, and their moving average.
+        where = (architecture, file.layout.container, file.layout.prefix, str(file.path.absolute()))
+        return self._folder("files") / f"{text_digest(json.dumps(where))}.json"
 
     def _vector(self, key: str, suffix: str) -> Path:
         return self._folder("vectors") / f"{key}{suffix}"

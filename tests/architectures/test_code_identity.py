@@ -173,3 +173,48 @@ def test_an_edited_helper_is_never_answered_from_the_store(tmp_path: Path) -> No
     held["Gain"].value = 1.0
     again = sfkit.Evaluator(pool, benchmark(truths=(5.0,), metric="epe"), store=store)
     assert (score(again), again.counts.cached) == (0.0, 1)
+
+
+ORDINARY = """
+import dataclasses
+from collections import namedtuple
+import torch
+from torch import nn
+
+Size = namedtuple("Size", "height width")
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    gain: float = 1.0
+    sizes: list = dataclasses.field(default_factory=list)
+
+class Net(nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.level = nn.Parameter(torch.zeros(1))
+        self.pool = nn.MaxPool2d(1)
+        self.settings = Settings()
+
+    @torch.no_grad()
+    def forward(self, left, right):
+        import colorsys
+        size = Size(*left.shape[-2:])
+        return torch.full((1, *size), float(self.level) * self.settings.gain + 0 * len(colorsys.__all__))
+"""
+
+
+def test_ordinary_code_needs_no_version_and_attributes_are_no_globals(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A notebook's ``pool`` is not ``self.pool``; an import that runs later changes nothing."""
+    monkeypatch.setitem(sys.modules, "mine", ModuleType("mine"))  # where dataclasses look
+    sys.modules.pop("colorsys", None)
+    there = cell(ORDINARY)
+    before = code_identity("mine", there["Net"])
+    there["pool"] = object()  # whose state nobody can tell
+    sys.modules.pop("colorsys", None)
+    assert code_identity("mine", there["Net"]) == before
+    assert there["Net"]()(torch.zeros(1, 3, 2, 4), None).shape == (1, 2, 4)
+    assert code_identity("mine", there["Net"]) == before
+    edited = cell(ORDINARY.replace("gain: float = 1.0", "gain: float = 2.0"))
+    assert code_identity("mine", edited["Net"]) != before
