@@ -360,7 +360,7 @@ def test_a_saved_state_shows_and_can_be_explored_without_a_kernel(shown: Callabl
     assert opened.root.locator("output").inner_text() == "400 %"
     assert values(opened)["lumpy"][1] == "7.00"
     opened.root.get_by_role("button", name="zoom in").click()
-    assert_becomes(opened.page, text_of(opened, "output"), "500 %")
+    assert_becomes(opened.page, text_of(opened, "output"), "480 %")
     assert {message["command"] for message in opened.messages()} <= {"look"}
     assert opened.root.locator(".sfkit-waiting").is_hidden()
 

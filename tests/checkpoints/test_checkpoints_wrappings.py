@@ -210,8 +210,8 @@ def test_a_hub_cache(tmp_path: Path) -> None:
     (tmp_path / "stray.safetensors").write_bytes((repository / "blobs" / "a").read_bytes())
     (snapshot / "a.safetensors").unlink()
     (snapshot / "a.safetensors").symlink_to(tmp_path / "stray.safetensors")
-    with pytest.raises(InputError, match="leaves the root"):
-        open_pool(tmp_path / "pool.toml")
+    # Links are the user's own; it is paths written in files that may not leave the root.
+    assert open_pool(tmp_path / "pool.toml").names == ("a",)
 
 
 def test_pool_toml_says_container_and_prefix(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ def test_labels_are_asked_of_every_network_in_the_store(shell: Shell) -> None:
     )
     found = shell.json(f"baselines pool {BOTH} --names uniform --store s.sqlite")["trust"]["agreement"]
     assert found["networks"] == len(census) == 9, "base, every subset of three, and the mixture"
-    assert found["metric"] == "epe on pairs"
+    assert found["metric"] == "epe on pairs (2)"
     ranks = [np.argsort(np.argsort(scores)) for scores in (census, truth)]
     assert found["correlation"] == pytest.approx(float(np.corrcoef(ranks)[0, 1]))
     assert found["interval"][0] <= found["correlation"] <= found["interval"][1]

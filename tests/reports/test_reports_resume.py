@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -63,5 +64,5 @@ def test_a_killed_report_resumes_from_the_store(tmp_path: Path) -> None:
     with EvaluationStore(tmp_path / "evaluations.sqlite") as store:
         assert {store.attempts(key) for key in after} == {1}
     said = (tmp_path / "progress").read_text()
-    assert said.count("cell 1 of 9: pool = ") == 2, "progress is told cell by cell"
+    assert len(re.findall(r"cell 1 of \d+: pool = ", said)) == 2, "progress is told cell by cell"
     assert len(pd.read_csv(tmp_path / "tables" / "guides.csv")) == 2

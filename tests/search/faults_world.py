@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ WORDS = (
     *("search", "pool", "-b", "pairs", "-r", "pairs", "--metric", "epe", "--seed", "3", "--yes", "--json"),
     *("--population", "5", "--generations", "2", "--evaluations", "24", "--engine", "inline"),
 )
+FLAGS = ("--yes", "--json")  # options without a value
 FILES = ("result.json", "recipe.json", "merged.safetensors")
 
 Row = tuple[str, str, str | None, float, int]
@@ -40,6 +42,17 @@ def write_pool(folder: Path, sources: int = 5) -> None:
         save_file(state, folder / f"{name}.safetensors")
         lines += [] if name == "base" else [f"[sources.{name}]", f'file = "{name}.safetensors"']
     (folder / "pool.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def without(words: Sequence[str], others: Sequence[str]) -> list[str]:
+    """The words but for options that are among the others: a command takes each once."""
+    kept, rest = [], iter(words)
+    for word in rest:
+        if not (word.startswith("-") and word in others):
+            kept.append(word)
+        elif word not in FLAGS:
+            next(rest)
+    return kept
 
 
 class Searches:
@@ -92,7 +105,7 @@ class Run:
 
     def start(self, *more: str, **limits: Any) -> int:
         """Start the search; returns its process number."""
-        words = [*WORDS, *more, "-o", self.name, "--store", str(self.store)]
+        words = [*without(WORDS, more), *more, "-o", self.name, "--store", str(self.store)]
         return int(self._searches.ask(words=words, name=self.name, **limits)["pid"])
 
     def wait(self, pid: int) -> int:
