@@ -18,7 +18,6 @@ class Judge:
     def __init__(self, pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator]) -> None:
         self._pool, self._guides, self._tests = pool, guides, tests
         self.before: dict[str, float] = {}
-        self.own: dict[str, float] = {}
         self.said: dict[str, Any] = {}
         self._verdict: SearchVerdict | None = None
 
@@ -28,10 +27,14 @@ class Judge:
         self._verdict = search_verdict(
             self._pool, found.stages, self._guides, self._tests, evaluations=found.evaluations
         )
-        both = _counts([*self._guides, *self._tests])
-        self.own = {name: value - self.before[name] for name, value in both.items()}
         self.said = {"verdict": self._verdict.as_dict()}
         return self.said
+
+    @property
+    def own(self) -> dict[str, float]:
+        """What was counted since the search ended: for the verdict, and for how far to trust its guide."""
+        both = _counts([*self._guides, *self._tests])
+        return {name: value - self.before[name] for name, value in both.items()}
 
     def lines(self, found: SearchResult) -> list[str]:
         """The verdict; and how to get its network where the search wrote another."""
