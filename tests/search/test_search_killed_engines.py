@@ -1,7 +1,8 @@
 """Kill -9 of searches whose workers live elsewhere: what they stored is kept, and any engine goes on from it.
 
-A search is killed twice on its way, by ``make soak`` many more times, with the same store each time; after
-each kill another process ends it from a copy of that store, as if nothing had happened.
+A search is killed on its way (on Ray, which starts slowly, once; by ``make soak`` many times), with the
+same store each time; after each kill another process ends it from a copy of that store, as if nothing had
+happened.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def killed_on_the_way(searches: Searches, whole: Run, engine: str, environment: 
     """Kill, end a copy, go on; every kill falls between the first evaluation and the last."""
     rng, total = random.Random(f"{SEED}/{engine}"), len(whole.rows())
     run, kept = Run(searches, engine), []
-    for number in range(KILLS):
+    for number in range(KILLS if engine == "processes" else max(1, KILLS // 2)):
         if len(kept) > total - 4:  # no room for another kill: from the start again
             shutil.rmtree(run.folder)
             kept = []
