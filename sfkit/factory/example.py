@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from sfkit import bank
 from sfkit.checkpoints.spec import read_pool_spec
+from sfkit.factory.file import toml_value
 from sfkit.files import write_text
 
 TESTS = ("grey-workshop", "hazy-road")
@@ -38,8 +38,8 @@ def write_example(
     spec = read_pool_spec(bank.pool_path())
     worlds = [f'name = "bank:{name}"\npairs = {validation_pairs}' for name in (bank.VALIDATION, *TESTS)]
     sections = [
-        f"name = {_value('factory')}\narchitecture = {_value(spec.architecture)}\n"
-        f"base = {_value(str(spec.base.path))}\njoint = {_value(joint)}",
+        f"name = {toml_value('factory')}\narchitecture = {toml_value(spec.architecture)}\n"
+        f"base = {toml_value(str(spec.base.path))}\njoint = {toml_value(joint)}",
         _section("options", spec.options),
         _section("training", training or {}),
         *(_section(f"sources.{name}", {"data": f"bank:{name}", "pairs": pairs}) for name in domains),
@@ -51,11 +51,5 @@ def write_example(
 
 
 def _section(name: str, values: Mapping[str, Any]) -> str:
-    lines = [f"{key} = {_value(value)}" for key, value in values.items()]
+    lines = [f"{key} = {toml_value(value)}" for key, value in values.items()]
     return "\n".join([f"[{name}]", *lines]) if lines else ""
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_value(entry)}" for key, entry in value.items()) + " }"
-    return json.dumps(value)  # strings, numbers, booleans and lists are written alike in TOML

@@ -37,6 +37,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -253,6 +254,13 @@ def _whole(value: object, where: str, least: int = 0) -> int:
     if type(value) is not int or value < least:
         raise InputError(f"{where}: found {value!r}, expected a whole number of at least {least}")
     return value
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML writes it: strings, numbers, truth values and lists of them are as in JSON."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _known(what: str, values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:

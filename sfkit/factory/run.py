@@ -17,7 +17,7 @@ from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import SfkitWarning
 from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Scorer
-from sfkit.factory.file import JOINT, Factory
+from sfkit.factory.file import JOINT, Factory, toml_value
 from sfkit.factory.status import Item, file_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
@@ -124,26 +124,21 @@ def run(
 def pool_toml(factory: Factory) -> str:
     """The text of the pool's file; its paths are absolute."""
     root = factory.out.resolve()
-    options = "".join(f"{key} = {_value(value)}\n" for key, value in factory.options.items())
+    options = "".join(f"{key} = {toml_value(value)}\n" for key, value in factory.options.items())
     lines = [
-        f"name = {_value(factory.name)}",
-        f"architecture = {_value(factory.architecture)}",
+        f"name = {toml_value(factory.name)}",
+        f"architecture = {toml_value(factory.architecture)}",
         'root = "/"',
         f"\n[options]\n{options}" if options else "",
-        f"[base]\nfile = {_value(str(factory.base.resolve()))}",
+        f"[base]\nfile = {toml_value(str(factory.base.resolve()))}",
     ]
     for order in factory.orders:
         file, made = file_of(factory, order)
         lines.append(
-            f"\n[sources.{_value(order.name)}]\nfile = {_value(str(root / file.resolve()))}\n"
-            + (f"licence = {_value(made['licence'])}" if made["licence"] else "")
+            f"\n[sources.{toml_value(order.name)}]\nfile = {toml_value(str(root / file.resolve()))}\n"
+            + (f"licence = {toml_value(made['licence'])}" if made["licence"] else "")
         )
     return "\n".join(lines) + "\n"
-
-
-def _value(value: object) -> str:
-    """Strings, numbers, truth values and lists of them are written alike in TOML and JSON."""
-    return json.dumps(value, ensure_ascii=False)
 
 
 def warn_of_seen_pairs(factory: Factory) -> None:
