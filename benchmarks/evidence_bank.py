@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from kept import Job
 
 import sfkit
 from sfkit.analysis.generalisation import Trial, run_trials
@@ -27,9 +28,9 @@ SEEDS = {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}
 """Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
 
 
-def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
+def jobs() -> dict[str, Job]:
     """Name -> comparison on the bank, the first seed of each first."""
-    found: dict[str, Callable[[Path], pd.DataFrame]] = {}
+    found: dict[str, Job] = {}
     for seed in range(max(SEEDS.values())):
         for pairs, count in SEEDS.items():
             if seed < count:

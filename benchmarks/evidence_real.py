@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache, partial
 from pathlib import Path
 
 import pandas as pd
+from kept import Job
 
 import sfkit
 from sfkit.analysis.generalisation import Trial, run_trials
@@ -28,11 +29,11 @@ GUIDES = {
 PAIRS = ("eth3d", "kitti2012", *CODINGS)
 
 
-def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
+def jobs() -> dict[str, Job]:
     """Name -> comparison; none without the real data."""
     if "SFKIT_REAL_DATA" not in os.environ:
         return {}
-    found: dict[str, Callable[[Path], pd.DataFrame]] = {}
+    found: dict[str, Job] = {}
     for seed in range(2):
         found |= {f"real-{name}-{seed}": partial(compared, name, seed) for name in GUIDES}
     return found

@@ -11,12 +11,10 @@ SFKIT_REAL_DATA.
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
-import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache, partial
 from itertools import combinations
 from pathlib import Path
@@ -25,7 +23,7 @@ import evidence_bank
 import evidence_real
 import numpy as np
 import pandas as pd
-import torch
+from kept import RUNS, Job, KeptRuns
 
 import sfkit
 from sfkit.analysis.measured import Measured, measure_with
@@ -34,7 +32,6 @@ from sfkit.bank import VALIDATION, benchmark, benchmarks
 from sfkit.evaluation.metrics import ImageErrors
 from sfkit.merging import Pool, Recipe
 
-FOLDER = Path(os.environ.get("SFKIT_EVIDENCE", Path(__file__).parents[1] / "runs" / "evidence")) / "rules"
 POPULATION, GENERATIONS, EVALUATIONS = 12, 3, 40
 BANK_SEEDS = {3: 4, 5: 4, 8: 4}
 """Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
@@ -54,10 +51,10 @@ STAGE1, ROUTED = "Stage 1", "Stage 1+2"
 Networks = Mapping[str, Recipe]
 
 
-def jobs() -> dict[str, Callable[[Path], pd.DataFrame]]:
+def jobs() -> dict[str, Job]:
     """Every run by name, in an order that serves bank and real pool alike."""
     runs = sorted((seed, pairs) for pairs, seeds in BANK_SEEDS.items() for seed in range(seeds))
-    found: list[tuple[float, str, Callable[[Path], pd.DataFrame]]] = [
+    found: list[tuple[float, str, Job]] = [
         (place / len(runs), f"bank-{pairs:02d}-{seed}", partial(on_bank, pairs, seed))
         for place, (seed, pairs) in enumerate(runs)
     ]
@@ -197,36 +194,7 @@ def _bank_judges() -> tuple[sfkit.Evaluator, ...]:
     return tuple(sfkit.Evaluator(evidence_bank.opened(), benchmark(n).first(TEST_PAIRS)) for n in names)
 
 
-def done(name: str) -> Path:
-    """The file of a finished run."""
-    return FOLDER / f"{name}.csv"
-
-
-def results(prefix: str) -> pd.DataFrame:
-    """All finished runs whose name begins so, as one table."""
-    frames = [pd.read_csv(path) for path in sorted(FOLDER.glob(f"{prefix}*.csv"))]
-    return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing after so long")
-    parser.add_argument("--list", action="store_true", help="print the names and what is done")
-    options = parser.parse_args(arguments)
-    torch.set_num_threads(1)
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    if options.list:
-        print("\n".join(f"{'done   ' if done(name).is_file() else 'missing'} {name}" for name in jobs()))
-        return
-    end = time.monotonic() + 60 * options.minutes
-    for name, job in jobs().items():
-        if done(name).is_file() or time.monotonic() > end:
-            continue
-        began = time.process_time()
-        job(FOLDER).to_csv(done(name), index=False)
-        print(f"{name}: {time.process_time() - began:.0f} CPU seconds", flush=True)
-
+kept = KeptRuns(__doc__, jobs, RUNS / "rules")
 
 if __name__ == "__main__":
-    main()
+    kept.main()

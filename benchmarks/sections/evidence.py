@@ -23,7 +23,7 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    if not any(evidence.done(name).is_file() for name in evidence.jobs()):
+    if not any(evidence.kept.done(name).is_file() for name in evidence.jobs()):
         raise SystemExit("nothing is finished yet: run python benchmarks/evidence.py first (hours)")
     parts = [
         HEAD,
@@ -63,7 +63,7 @@ What it would have returned after so many evaluations."""
 
 
 def _guards() -> str:
-    frame = _ends(evidence.results("guards-"))
+    frame = _ends(evidence.kept.results("guards-"))
     if frame.empty:
         return ""
     rows = [
@@ -75,7 +75,7 @@ def _guards() -> str:
 
 
 def _course() -> str:
-    frame = evidence.results("guards-")
+    frame = evidence.kept.results("guards-")
     if frame.empty:
         return ""
     frame = _changed(frame[frame["trial"] == "plain"])
@@ -86,7 +86,7 @@ def _course() -> str:
 
 
 def _routing(prefix: str, text: str) -> str:
-    frame = _ends(evidence.results(f"{prefix}-"))
+    frame = _ends(evidence.kept.results(f"{prefix}-"))
     if frame.empty:
         return ""
     rows = [(trial, *_columns(part)) for trial, part in frame.groupby("trial", sort=False)]
@@ -94,7 +94,7 @@ def _routing(prefix: str, text: str) -> str:
 
 
 def _real() -> str:
-    frame = evidence.results("real-")
+    frame = evidence.kept.results("real-")
     if frame.empty:
         return ""
     frame = frame[frame["evaluations"] == evidence_real.EVALUATIONS]

@@ -16,7 +16,7 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    parts = [_table(name, verdict_rules.results(f"{name}-")) for name in ("bank", "real")]
+    parts = [_table(name, verdict_rules.kept.results(f"{name}-")) for name in ("bank", "real")]
     if not any(parts):
         raise SystemExit("nothing is finished yet: run python benchmarks/verdict_rules.py first (hours)")
     return "\n\n".join([HEAD, *(part for part in parts if part)])

@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -150,7 +151,7 @@ def test_evidence_is_what_finished_comparisons_say(
     names = ("sections.evidence", "evidence", "evidence_bank")
     section, evidence, bank = (importlib.import_module(name) for name in names)
     end = bank.EVALUATIONS
-    monkeypatch.setattr(evidence, "FOLDER", tmp_path)
+    monkeypatch.setattr(evidence, "kept", replace(evidence.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
         section.section()
     columns = ["pairs", "trial", "seed", "evaluations", "distance", "validation", "held", "equal"]
