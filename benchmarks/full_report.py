@@ -1,4 +1,4 @@
-"""The full report by its command, cold and warm, and what it wrote, for the sections that record it."""
+"""The full report by its command, and what it wrote, for the sections that record it."""
 
 from __future__ import annotations
 
@@ -18,17 +18,15 @@ from sfkit.analysis.tables import markdown_lines
 
 @dataclass(frozen=True)
 class FullReport:
-    """One report, made twice.
+    """One report, made with nothing in the store.
 
     Attributes:
         folder: where it and its tables lie.
-        cold: seconds with nothing in the store.
-        warm: seconds with everything in it.
+        minutes: what it took.
     """
 
     folder: Path
-    cold: float
-    warm: float
+    minutes: float
 
     def table(self, name: str, index: str) -> pd.DataFrame:
         """One of its tables."""
@@ -42,16 +40,13 @@ class FullReport:
 
 
 def make(folder: Path, parameters: Mapping[str, object]) -> FullReport:
-    """Run ``sfkit report`` twice with these parameters; a store of before is removed first."""
+    """Run ``sfkit report`` with these parameters; a store of before is removed first."""
     shutil.rmtree(folder, ignore_errors=True)
     values = {**parameters, "out": str(folder)}
     words = [w for name, value in values.items() for w in ("-p", name, _text(value))]
-    seconds = []
-    for _ in range(2):
-        started = time.perf_counter()
-        sfkit("report", "report", *words, "-o", str(folder / "report.html"))
-        seconds.append(time.perf_counter() - started)
-    return FullReport(folder, *seconds)
+    started = time.perf_counter()
+    sfkit("report", "report", *words, "-o", str(folder / "report.html"))
+    return FullReport(folder, (time.perf_counter() - started) / 60)
 
 
 def markdown(table: pd.DataFrame, digits: int = 2) -> str:

@@ -10,14 +10,13 @@ ROOT = Path(__file__).parents[2]
 
 
 def section() -> str:
-    """Make the report cold and warm, and show its summary and its tables."""
+    """Make the report, and show its summary and its tables."""
     done = make(ROOT / "runs" / "results" / "report_bank", {"quick": True})
-    cold, warm = done.cold / 60, done.warm / 60
     return f"""## The full report on the embedded bank
 
 `sfkit report -p quick true -o report.html`: 11 sources, validation on 8 pairs of courtyard, tests on 40 pairs
-each of three benchmarks; M = 16, T = 6, 60 evaluations of Stage 2, 5 seeds. It took {cold:.1f} minutes
-with nothing in the store and {warm:.1f} minutes again. What it says first:
+each of three benchmarks; M = 16, T = 6, 60 evaluations of Stage 2, 5 seeds. It took
+{done.minutes:.0f} minutes with nothing in the store. What it says first:
 
 {done.summary()}
 

@@ -12,7 +12,7 @@ POOL = "tests/pools/anynet_real_six.toml"
 
 
 def section() -> str:
-    """Make the report cold and warm, and show its summary and its tables."""
+    """Make the report, and show its summary and its tables."""
     guides, unseen = gather(ROOT / "runs" / "results" / "real_pairs")
     values = {
         "pool": str(ROOT / POOL),
@@ -24,15 +24,13 @@ def section() -> str:
         "quick": True,
     }
     done = make(ROOT / "runs" / "results" / "report_real", values)
-    cold, warm = done.cold / 60, done.warm / 60
     return f"""## The full report on real AnyNet checkpoints
 
 `sfkit report` with the pool `{POOL}`, six sources of which two harm (`half_size`, `own_images`); M = 16,
 T = 6, 60 evaluations of Stage 2, 5 seeds. Pairs of three data sets guide (ETH3D's playground, Middlebury's
 Cones and Reindeer). Six images of four others test, which no source was tuned on: Middlebury's Motorcycle,
 three frames of SceneFlow (the base's training set), one each of InStereo2K and TartanAir. `all-valid` and
-bad-1.0 everywhere. It took {cold:.1f} minutes with nothing in the store and {warm:.1f} minutes again. What
-it says first:
+bad-1.0 everywhere. It took {done.minutes:.0f} minutes with nothing in the store. What it says first:
 
 {done.summary()}
 

@@ -43,7 +43,7 @@ from sfkit.analysis.provenance import environment
 from sfkit.analysis.qualitative import qualitative_grid
 from sfkit.analysis.ranking import Ranking, drawn_networks, rank_networks, ranking_table
 from sfkit.analysis.recipes import recipe_table
-from sfkit.analysis.references import reference_rows, with_references
+from sfkit.analysis.references import reference_columns, reference_rows, with_references
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
 from sfkit.analysis.retraining import Retraining, retraining_against_merging, study_against_joint
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
@@ -151,6 +151,7 @@ __all__ = [
     "ranking_table",
     "ranks",
     "recipe_table",
+    "reference_columns",
     "reference_rows",
     "region_scores",
     "retraining_against_merging",

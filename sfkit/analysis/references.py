@@ -18,6 +18,11 @@ METRICS = dict(zip(BENCHMARKS, ("d1", "d1", "bad-2.0", "bad-1.0"), strict=True))
 """What the paper reports each benchmark by."""
 
 
+def reference_columns(columns: Sequence[ComparedColumn]) -> tuple[ComparedColumn, ...]:
+    """Those of the columns that the paper reports, by the same metric."""
+    return tuple(one for one in columns if METRICS.get(one.benchmark) == one.metric)
+
+
 def reference_rows(columns: Sequence[ComparedColumn], label: str = "tab:zero_shot") -> pd.DataFrame:
     """The rows of one of the paper's tables on the benchmarks that are shown here under the paper's metric.
 
@@ -31,12 +36,12 @@ def reference_rows(columns: Sequence[ComparedColumn], label: str = "tab:zero_sho
     Raises:
         InputError: the paper has no such table.
     """
-    shared = {c.benchmark: c for c in columns if METRICS.get(c.benchmark) == c.metric}
+    shared = [one.benchmark for one in reference_columns(columns)]
     table = published(label)
     if not shared:
         return pd.DataFrame()
     names = [" ".join(dict.fromkeys(key)) if isinstance(key, tuple) else str(key) for key in table.index]
-    rows = table.set_axis([f"{name} {PUBLISHED}" for name in names])[[*shared]]
+    rows = table.set_axis([f"{name} {PUBLISHED}" for name in names])[shared]
     if set(BENCHMARKS) == {c.benchmark for c in columns}:
         rows = rows.assign(**{MEAN: table["mean"].to_numpy()})
     return rows.rename_axis("method")

@@ -22,6 +22,8 @@ def scores_figure(
 ) -> go.Figure:
     """Draw scores as dots: networks in rows, benchmarks in columns, metrics one below the other.
 
+    Where each benchmark has one metric, its own, all panels stand side by side.
+
     Args:
         grid: from :func:`~sfkit.analysis.scores.score_grid`.
         theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
@@ -32,16 +34,18 @@ def scores_figure(
         InputError: an unknown theme.
     """
     benchmarks, metrics = grid.benchmarks, grid.metrics
+    rows = 1 if len(grid.columns) == len(benchmarks) else len(metrics)
     figure = make_subplots(
-        rows=len(metrics),
+        rows=rows,
         cols=len(benchmarks),
         shared_yaxes=True,
         horizontal_spacing=min(0.03, 0.3 / len(benchmarks)),
-        vertical_spacing=0.3 / len(metrics) if len(metrics) > 1 else 0.0,
+        vertical_spacing=0.3 / rows if rows > 1 else 0.0,
         subplot_titles=[_panel_title(grid, name) for name in benchmarks] + [""] * len(benchmarks),
     )
     for number, column in enumerate(grid.columns):
-        row, col = metrics.index(column.metric) + 1, benchmarks.index(column.benchmark) + 1
+        row = metrics.index(column.metric) + 1 if rows > 1 else 1
+        col = benchmarks.index(column.benchmark) + 1
         _panel(figure, grid, number, row, col, theme, reference)
     figure.update_yaxes(
         type="category", categoryorder="array", categoryarray=list(grid.networks), autorange="reversed"
@@ -55,7 +59,7 @@ def scores_figure(
         theme=theme,
         title="Which network is better where?",
         subtitle=f"further left is better; filled: the best of each panel{guided}",
-        height=height or len(metrics) * (ROW * len(grid.networks) + 80) + 130,
+        height=height or rows * (ROW * len(grid.networks) + 80) + 130,
         showlegend=False,
         margin={"b": 50},
     )

@@ -5,8 +5,15 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
-from sfkit import InputError
-from sfkit.analysis import ComparedColumn, reference_rows, with_references
+from sfkit import InputError, figures
+from sfkit.analysis import (
+    ComparedColumn,
+    reference_columns,
+    reference_rows,
+    score_grid,
+    score_rows,
+    with_references,
+)
 from sfkit.baselines import baseline_named, baselines, fusion_table
 from sfkit.published import published
 
@@ -51,6 +58,18 @@ def test_they_stand_below_ones_own_in_the_same_columns() -> None:
     short = own.set_axis(["eth3d *", "own", "mean"], axis=1)
     assert with_references(short, shown).loc["published RAFT-Stereo ‡", "eth3d *"] == 3.3
     assert with_references(own, columns(own="bad-3.0")) is own
+
+
+def test_they_are_drawn_where_the_paper_has_them() -> None:
+    shown = columns(eth3d="bad-1.0", kitti2015="d1", own="bad-3.0")
+    own = pd.DataFrame([[1.5, 2.5, 2.0]], index=["mine"], columns=[one.label for one in shown]).rename_axis(
+        "method"
+    )
+    grid = score_grid(score_rows(with_references(own, shown), reference_columns(shown)))
+    assert grid.benchmarks == ("eth3d", "kitti2015")
+    assert grid.values[grid.networks.index("published RAFT-Stereo ‡")].tolist() == [3.3, 5.5]
+    drawn = figures.scores_figure(grid, reference=None).data
+    assert [len(trace.x) for trace in drawn] == [1 + len(published("tab:zero_shot"))] * 2
 
 
 def test_every_method_says_its_strategy_and_the_papers_are_its_own() -> None:

@@ -10,6 +10,7 @@ import plotly.graph_objects as go
 import pytest
 from figure_records import costs, evolved, grid, population, trace
 
+from sfkit.analysis.scores import ScoreColumn, ScoreGrid
 from sfkit.errors import InputError
 from sfkit.figures import (
     cmaes_figure,
@@ -193,6 +194,16 @@ def test_columns_that_guided_the_search_bear_a_star_and_names_are_escaped() -> N
 
 def test_no_reference_line_where_none_is_asked_for() -> None:
     assert not scores_figure(grid(), reference=None).layout.shapes
+
+
+def test_benchmarks_of_one_metric_each_stand_side_by_side() -> None:
+    columns = (ScoreColumn("one", "bad-1.0", "%", False), ScoreColumn("two", "d1", "%", False))
+    figure = scores_figure(ScoreGrid(("a", "b"), columns, np.array([[1.0, 4.0], [2.0, 3.0]])))
+    assert figure.layout.yaxis.domain == figure.layout.yaxis2.domain == (0.0, 1.0)
+    assert [figure.layout[axis].title.text for axis in ("xaxis", "xaxis2")] == [
+        "bad-1.0 (% of pixels)",
+        "D1 (% of pixels)",
+    ]
 
 
 def test_costs_are_stacked_by_origin() -> None:
