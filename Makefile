@@ -1,8 +1,8 @@
 # The tasks of this repository; `make help` lists them.
 
 PYTHON ?= python3
-# Test processes: the tests are independent of each other.
-JOBS ?= 2
+# Test processes: the tests are independent of each other, and often wait for a kernel, a browser or Ray.
+JOBS ?= 3
 # How often `make soak` kills a search (and a twentieth of that in each parallel engine), and the tests it runs.
 KILLS ?= 1000
 # How many damaged files `make soak` hands to each reader; `make test` takes 50.

@@ -1,4 +1,5 @@
-"""The inside of a spawned worker process: it follows its parent, opens the plan and evaluates parts.
+"""The inside of a spawned worker process: it follows its parent, opens a plan and evaluates parts, then
+waits a while for the next plan: its imports cost more than most plans do.
 
 The parent holds the other end of standard input and writes only its import path to it: when that ends,
 however it ends, the parent is gone and so is this process.
@@ -7,6 +8,7 @@ however it ends, the parent is gone and so is this process.
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import select
 import threading
@@ -16,12 +18,18 @@ from multiprocessing.connection import Connection
 from sfkit.errors import SfkitError
 
 STDIN = 0
+IDLE_SECONDS = 120.0  # how long a worker waits for its next plan before it ends
 LOOK_SECONDS = 10.0  # a process forked off the parent can hold standard input open for longer than it lives
 
 
 @dataclass(frozen=True)
 class Here:
-    """The first message: imports are done, the plan can come."""
+    """The first message, and again after each plan: imports are done, a plan can come."""
+
+
+@dataclass(frozen=True)
+class Done:
+    """From the parent: the plan is over, another may follow."""
 
 
 @dataclass(frozen=True)
@@ -41,23 +49,29 @@ def main(descriptor: int) -> None:
     threading.Thread(target=_follow, args=(os.getppid(),), daemon=True).start()
     channel: Connection = Connection(descriptor)
     with contextlib.suppress(EOFError, ConnectionError):  # the parent has closed, or is gone
-        _work(channel)
+        while _work(channel):
+            gc.collect()  # the network and the images of the plan that is over
 
 
-def _work(channel: Connection) -> None:
+def _work(channel: Connection) -> bool:
+    """Follow one plan to its end; True where another may come."""
     channel.send(Here())
+    if not channel.poll(IDLE_SECONDS):
+        return False
     try:
         plan, device = channel.recv()
     except (AttributeError, ImportError) as error:  # a class that only the parent can import
-        return channel.send(Refused(f"a worker cannot read what it was sent ({error}), use engine='inline'"))
+        channel.send(Refused(f"a worker cannot read what it was sent ({error}), use engine='inline'"))
+        return False
     try:
         worker = plan.open(device)
     except SfkitError as error:
-        return channel.send(Refused(str(error)))
+        channel.send(Refused(str(error)))
+        return False
     channel.send(Ready())
-    while True:
-        recipe, start, stop = channel.recv()
-        channel.send(worker.part(recipe, start, stop))
+    while not isinstance(message := channel.recv(), Done):
+        channel.send(worker.part(*message))
+    return True
 
 
 def _follow(parent: int) -> None:

@@ -145,6 +145,13 @@ class WorkerPlan:
         prepared = PreparedBenchmark(self.benchmark, inputs, self.quantities)
         return Worker(LiveModel(opened, device=device, mode=self.mode), prepared)
 
+    @property
+    def leaves_no_trace(self) -> bool:
+        """Whether a process that followed it holds no code but sfkit's, and can follow any other plan."""
+        modules = {self.module, *(type(pair).__module__ for pair in self.benchmark.pairs)}
+        ours = all(module.partition(".")[0] == "sfkit" for module in modules)
+        return ours and self.code is None and not self.quantities.own
+
     def register(self) -> None:
         """Import, or run, what registers the architecture.
 

@@ -17,9 +17,11 @@ import torch
 
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import Compute
+from sfkit.evaluation.engines import reserve
 from sfkit.evaluation.engines.child import Here, Ready, Refused
 from sfkit.evaluation.engines.crew import START_SECONDS, Crew, Death, Finished, ParallelEngine, Seat, Task
 from sfkit.evaluation.engines.plan import WorkerPlan, fair_threads
+from sfkit.evaluation.engines.reserve import Surroundings
 from sfkit.evaluation.engines.spawned import Spawned, stop
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
@@ -32,6 +34,7 @@ class ProcessSeat(Seat):
 
     device: str
     process: Spawned = field(init=False)
+    surroundings: Surroundings = field(init=False)
 
 
 class ProcessCrew(Crew[ProcessSeat]):
@@ -53,8 +56,10 @@ class ProcessCrew(Crew[ProcessSeat]):
         self.plan = plan
         self._folder = Path.cwd()
         self._orders = {device: self._pickled(device) for device in devices}
-        self._running: list[Spawned] = []
-        self._end = weakref.finalize(self, stop, self._running)
+        self._taken: list[ProcessSeat] = []
+        # On a GPU memory stays taken, and a lost device stays lost, for as long as the process lives.
+        kept = plan.leaves_no_trace and all(device == "cpu" for device in devices)
+        self._end = weakref.finalize(self, leave, self._taken, kept)
         self._seats = [ProcessSeat(device) for device in devices]
         for seat in self._seats:
             self._occupy(seat)
@@ -62,7 +67,7 @@ class ProcessCrew(Crew[ProcessSeat]):
     @property
     def pids(self) -> tuple[int, ...]:
         """The process numbers of the workers."""
-        return tuple(process.pid for process in self._running)
+        return tuple(seat.process.pid for seat in self._taken)
 
     def give(self, number: int, task: Task) -> None:
         """Give a free seat a task."""
@@ -83,7 +88,7 @@ class ProcessCrew(Crew[ProcessSeat]):
                 yield from self._bury(seat, f"was not ready after {self._start_seconds:g} s")
 
     def close(self) -> None:
-        """End all workers."""
+        """End all workers, but for those that can follow the next plan."""
         self._end()
 
     def _listen(self, seat: ProcessSeat) -> Iterator[Finished | Death]:
@@ -103,12 +108,12 @@ class ProcessCrew(Crew[ProcessSeat]):
             yield Finished(task, message)
 
     def _hire(self, seat: ProcessSeat) -> None:
-        seat.process = Spawned(self.plan.threads, self._folder)
-        self._running.append(seat.process)
+        seat.surroundings, seat.process = reserve.worker(self.plan.threads, self._folder)
+        self._taken.append(seat)
 
     def _dismiss(self, seat: ProcessSeat) -> None:
         seat.process.release()
-        self._running.remove(seat.process)
+        self._taken.remove(seat)
 
     def _given_up(self, seat: ProcessSeat) -> tuple[str, str]:
         wrote = "what they wrote on standard error says more"
@@ -122,6 +127,16 @@ class ProcessCrew(Crew[ProcessSeat]):
                 f"benchmark {self.plan.benchmark.name!r}: cannot be sent to workers ({error}), expected "
                 "pairs of a class that is defined in a module; or use engine='inline'"
             ) from error
+
+
+def leave(taken: Sequence[ProcessSeat], kept: bool) -> None:
+    """Let go of a crew's workers; those that wait for a task go to the reserve, where it may have them."""
+    here = [seat for seat in taken if seat.process.owner == os.getpid()]  # a fork owns none of them
+    # A message that an interrupt cut in two leaves its seat not ready, or with a task.
+    idle = [seat for seat in here if kept and seat.ready and seat.task is None and seat.process.running]
+    for seat in idle:
+        reserve.keep(seat.surroundings, seat.process)
+    stop([seat.process for seat in here if seat not in idle])
 
 
 def process_engine(

@@ -1,0 +1,79 @@
+"""Worker processes serve one plan after the other, where nothing of the last can show in the next."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from engines_world import noise, trapped_pool
+
+from sfkit import Evaluator, open_benchmark, open_pool
+from sfkit.evaluation.engines import reserve
+from sfkit.evaluation.engines.crew import ParallelEngine, Task
+from sfkit.evaluation.engines.processes import ProcessCrew
+from sfkit.evaluation.engines.schedule import ImageRange
+from sfkit.evaluation.store import Evaluation
+
+
+@pytest.fixture(autouse=True)
+def empty() -> Iterator[None]:
+    reserve.clear()
+    yield
+    reserve.clear()
+
+
+def crew(evaluator: Evaluator) -> ProcessCrew:
+    assert isinstance(evaluator.engine, ParallelEngine)
+    found = evaluator.engine._crew
+    assert isinstance(found, ProcessCrew)
+    return found
+
+
+def evaluated(pairs: int) -> tuple[tuple[int, ...], Evaluation]:
+    pool = open_pool("bank")
+    benchmark = open_benchmark("bank:courtyard").first(pairs)
+    with Evaluator(pool, benchmark, engine="processes", workers=1) as evaluator:
+        (found,) = evaluator.evaluate([pool.uniform()])
+        return crew(evaluator).pids, found
+
+
+def test_the_next_evaluator_takes_the_worker_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, one = evaluated(1)
+    second, two = evaluated(2)
+    assert second == first
+    assert two.images[:1] == one.images
+    assert len(two.images) == 2
+    monkeypatch.setenv("SFKIT_ANYTHING", "else")
+    (third,), again = evaluated(1)
+    assert third not in first
+    assert again.images == one.images
+    assert not Path(f"/proc/{first[0]}").exists(), "a worker of other surroundings has ended"
+
+
+def test_a_worker_that_was_killed_while_it_waited_is_replaced() -> None:
+    (first,), one = evaluated(1)
+    os.kill(first, 9)
+    (second,), two = evaluated(1)
+    assert second != first
+    assert two.images == one.images
+
+
+def test_a_busy_worker_ends_with_its_evaluator() -> None:
+    pool, benchmark = open_pool("bank"), open_benchmark("bank:courtyard").first(1)
+    with Evaluator(pool, benchmark, engine="processes", workers=1) as evaluator:
+        evaluator.evaluate([pool.base_recipe()])
+        crew(evaluator).give(0, Task(2, ImageRange(0, 0, 1), pool.uniform()))
+        (pid,) = crew(evaluator).pids
+    assert not reserve._waiting
+    assert not Path(f"/proc/{pid}").exists()
+
+
+def test_a_worker_that_ran_a_users_code_does_not_stay(tmp_path: Path) -> None:
+    pool = trapped_pool(tmp_path / "pool")
+    with Evaluator(pool, noise(), engine="processes", workers=1) as evaluator:
+        evaluator.evaluate([pool.base_recipe()])
+        (pid,) = crew(evaluator).pids
+    assert not reserve._waiting
+    assert not Path(f"/proc/{pid}").exists()
