@@ -9,6 +9,7 @@ import typer
 
 from sfkit.checkpoints.targets import FileForm, check_target, ensure_room
 from sfkit.cli.options import (
+    DtypeOption,
     ForceOption,
     JsonOption,
     PoolArgument,
@@ -35,6 +36,7 @@ def merge(
     form: Annotated[
         FileForm, typer.Option(help="safetensors, or the original checkpoint's torch layout.")
     ] = FileForm.SAFETENSORS,
+    dtype: DtypeOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> None:
@@ -55,7 +57,7 @@ def merge(
         )
     from sfkit.merging.saving import read_origin, save_merged
 
-    opened = pool_of(pool)
+    opened = pool_of(pool, dtype=dtype)
     for member in (opened.base, *opened.sources):
         if out.exists() and out.samefile(member.path):
             raise InputError(f"--out: {out} is the pool's own {member.name!r}, give another name")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from sfkit.cli.groups import names
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
     from sfkit.evaluation.store import EvaluationStore
@@ -36,6 +36,13 @@ SubsetOption = Annotated[
 ]
 RecipeOption = Annotated[
     Path | None, typer.Option("--recipe", help="A recipe as JSON, or a merged network to take it from.")
+]
+DtypeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--dtype",
+        help="Of the written network: float32, float16 or bfloat16; the base's own where it loses nothing.",
+    ),
 ]
 SubsetFromOption = Annotated[
     Path | None,
@@ -163,11 +170,18 @@ def store_of(path: Path | None) -> EvaluationStore:
     return EvaluationStore(path if path is not None else ":memory:")
 
 
-def pool_of(path: str, blocks: str | None = None) -> Pool:
-    """Open a pool, under its own partition or one made from the network; every error names a file."""
-    from sfkit.merging import open_pool
+def pool_of(path: str, blocks: str | None = None, dtype: str | None = None) -> Pool:
+    """Open a pool, under its own partition or one made from the network; every error names a file.
 
-    return _named(path, lambda: open_pool(path, blocks=blocks))
+    ``dtype`` is what its merged networks are written and scored as, see
+    :func:`~sfkit.merging.dtypes.written_as`.
+    """
+    from sfkit.merging import open_pool
+    from sfkit.merging.dtypes import DTYPES, written_as
+
+    if dtype is not None and dtype not in DTYPES:
+        raise unknown_name("--dtype", dtype, DTYPES)
+    return _named(path, lambda: written_as(open_pool(path, blocks=blocks), dtype))
 
 
 def _named(path: str | Path, make: Callable[[], Made]) -> Made:

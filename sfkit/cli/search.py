@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli.options import (
+    DtypeOption,
     ForceOption,
     JsonOption,
     PoolArgument,
@@ -74,6 +75,7 @@ def search(
         list[str] | None,
         typer.Option("--test", help="Test on NAME,root=FOLDER,..., which guides nothing; may be repeated."),
     ] = None,
+    dtype: DtypeOption = None,
     store: StoreOption = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Start long searches without a question.")] = False,
     force: ForceOption = False,
@@ -123,7 +125,7 @@ def search(
     places.store(kept_in)
     if not force:
         refuse_unclaimed(out)
-    opened = pool_of(pool, blocks)
+    opened = pool_of(pool, blocks, dtype)
     plan.check(opened)
     ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)
     guide = guide_of(opened, guides, combine, compute)
@@ -177,7 +179,7 @@ def _other_cost(plan: SearchPlan, price: Estimate, pool: Pool) -> str | None:
     if plan.stage2 is not None and plan.stage2.holdout:
         return None
     other = next(method for method in METHODS if method != plan.method)
-    less = replace(price, evaluations=plan.by(other).evaluations(pool))
+    less = replace(price, evaluations=plan.by(other).evaluations(pool.names, pool.blocks))
     return f"by --method {other}: at most {less.evaluations} evaluations, {less.minutes:.1f} minutes"
 
 

@@ -49,13 +49,8 @@ def status(factory: Factory) -> tuple[Item, ...]:
 
 
 def most_evaluations(factory: Factory) -> int:
-    """The most evaluations the search can ask for: no more than there are subsets of two sources or more."""
-    plan, count = factory.plan, len(factory.orders)
-    alone = count if getattr(plan.stage1, "singles", False) else 0
-    first = plan.stage1.population + plan.stage1.generations * plan.stage1.offspring
-    second = 0 if plan.stage2 is None else plan.stage2.evaluations
-    subsets = (1 << count) - 1 - count
-    return min(first, subsets) + alone + second
+    """The most evaluations the search can ask for, as the search itself says before it starts."""
+    return factory.plan.evaluations([order.name for order in factory.orders], ("all",))
 
 
 def file_of(factory: Factory, order: Order) -> tuple[Path, Mapping[str, Any]]:

@@ -61,7 +61,7 @@ class DeviceMerger:
         else:
             for window in windows(self.vectors.layout):
                 self._merge_window(ordered, window, out)
-        return out
+        return self.vectors.rounded(out)
 
     def _merge_window(self, ordered: Recipe, window: Segment, out: torch.Tensor) -> None:
         part = slice(window.start, window.stop)

@@ -43,6 +43,8 @@ class Pool:
         task_vectors: base and sources as flat buffers.
         preparation: what was done to the task vectors after reading; empty for a pool as it was read.
         origins: source name -> the members that source was made from: itself, where it was read.
+        dtype: what merged networks are written as, :func:`~sfkit.merging.dtypes.written_as`; None for the
+            base's own types.
     """
 
     spec: PoolSpec
@@ -56,6 +58,7 @@ class Pool:
     task_vectors: TaskVectors
     preparation: tuple[Step, ...] = ()
     origins: Mapping[str, tuple[Checked, ...]] = field(default_factory=dict)
+    dtype: str | None = None
 
     def __post_init__(self) -> None:
         if not self.origins:
@@ -242,29 +245,33 @@ class Pool:
         """The merged network's tensors by its keys, of which it has those that the base's file has.
 
         Each has the data type it has there where that holds the merged values, which were scored in float32,
-        to the last bit; else it is float32. A tensor with several keys stands under each, whichever of them
-        the file has. Tensors that no source changed are those of the file: do not write to them.
+        to the last bit; else it is float32. In a pool with a :attr:`dtype` each has that. A tensor with
+        several keys stands under each, whichever of them the file has. Tensors that no source changed are
+        those of the file: do not write to them.
 
         Raises:
-            InputError: the recipe does not suit the pool, or a file of the pool has changed.
+            InputError: the recipe does not suit the pool, a file of the pool has changed, or a merged value
+                is beyond the range of its type.
         """
         self.ensure_unchanged()
         merged = self.layout.views(self.merge_into(recipe, torch.empty(self.layout.size)))
         held = {name for spec in self.specs for name in (spec.key, *spec.aliases)}
         return {
-            key: _as_precise(merged[key], tensor.dtype) if key in merged else tensor
+            key: _as_precise(key, merged[key], tensor.dtype) if key in merged else tensor
             for key, tensor in self.base_tensors.items()
             if key in held or not self.architecture.is_optional(key)
         }
 
     def describe(self) -> dict[str, Any]:
-        """The architecture with every option that changes its output; part of evaluation keys."""
+        """The architecture with all that changes its output for a recipe; part of evaluation keys."""
+        rounding = self.task_vectors.rounding
         options = {k: v for k, v in self.options.items() if k not in self.architecture.places}
         return {
             "name": self.architecture.name,
             "version": self.architecture.version_of(self.options),
             "options": json.loads(json.dumps(options, sort_keys=True)),
             "inputs": self.architecture.inputs(self.options).describe(),
+            **({} if rounding is None else {"dtype": self.dtype}),
         }
 
     def summary(self) -> pd.DataFrame:
@@ -307,7 +314,13 @@ class Pool:
         )
 
 
-def _as_precise(merged: torch.Tensor, dtype: torch.dtype) -> torch.Tensor:
+def _as_precise(key: str, merged: torch.Tensor, dtype: torch.dtype) -> torch.Tensor:
+    if not bool(torch.isfinite(merged).all()):
+        name = str(dtype).removeprefix("torch.")
+        raise InputError(
+            f"recipe: {key!r} has merged values beyond what {name} holds, expected finite ones: "
+            "choose another dtype or smaller weights"
+        )
     cast = merged.to(dtype)
     return cast if torch.equal(cast.to(merged.dtype), merged) else merged
 

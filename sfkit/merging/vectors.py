@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 
@@ -22,11 +22,13 @@ class TaskVectors:
         layout: where each changed tensor lies in the buffers.
         base: (P,) float32, the base's values.
         by_source: source name -> task vector (P,) float32; do not write to them.
+        rounding: the narrower type whose values merges are rounded to; None where they are not.
     """
 
     layout: FlatLayout
     base: torch.Tensor
     by_source: Mapping[str, torch.Tensor]
+    rounding: torch.dtype | None = None
 
     def merge_into(self, ordered: Recipe, out: torch.Tensor) -> torch.Tensor:
         """Write the merged parameters into ``out`` of shape (P,), and return it.
@@ -36,13 +38,17 @@ class TaskVectors:
             out: overwritten.
         """
         merge_flat(ordered, self.layout, self.base, [self.by_source[n] for n in ordered.sources], out)
-        return out
+        return self.rounded(out)
+
+    def rounded(self, merged: torch.Tensor) -> torch.Tensor:
+        """Round merged values (P,) in place, and return them."""
+        return merged if self.rounding is None else merged.copy_(merged.to(self.rounding))
 
     def parted(self, partition: BlockPartition) -> TaskVectors:
         """The same values in the order of another block partition; shared where that is the same order."""
         layout = FlatLayout.of((spec for spec, _ in self.layout.entries), partition)
         moved = {name: self._moved(layout, vector) for name, vector in self.by_source.items()}
-        return TaskVectors(layout, self._moved(layout, self.base), moved)
+        return replace(self, layout=layout, base=self._moved(layout, self.base), by_source=moved)
 
     def _moved(self, layout: FlatLayout, flat: torch.Tensor) -> torch.Tensor:
         if layout.entries == self.layout.entries:

@@ -118,7 +118,7 @@ def _search(
     stages: dict[str, Recipe] = {}
     spent: dict[str, int] = {}
     if subset is None:
-        stage1 = plan.subset_search(pool, scorer, journal, known)
+        stage1 = plan.subset_search(pool.names, pool.blocks, scorer, journal, known)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
         write_text(folder / "stage1.csv", stage1.history.to_csv(index=False))
         subset = first.subset
@@ -170,7 +170,7 @@ def cost(
 ) -> Estimate:
     """What the plan will cost at most: one timed evaluation on each validation benchmark."""
     recipe = pool.equal(*(plan.subset or tuple(subset) or pool.names))
-    most = plan.evaluations(pool)
+    most = plan.evaluations(pool.names, pool.blocks)
     parts = [estimate(evaluator, recipe, most) for evaluator in evaluators]
     return Estimate(
         most,

@@ -62,12 +62,18 @@ class SearchPlan:
         models = (BayesianSubsetSettings, BayesianRoutingSettings)
         return "bayesian" if isinstance(self.stage1, models) or isinstance(self.stage2, models) else "paper"
 
-    def evaluations(self, pool: Pool) -> int:
-        """The most evaluations both stages can ask for; no subset is scored twice."""
+    def evaluations(self, names: Sequence[str], blocks: Sequence[str]) -> int:
+        """The most evaluations both stages can ask for over these sources; no subset is scored twice.
+
+        Of fewer than two sources there is nothing to choose, and Stage 2 alone is counted.
+
+        Raises:
+            InputError: constraints that do not suit the sources.
+        """
         first = 0
-        if self.subset is None:
-            search = self.subset_search(pool, _nobody)
-            alone = len(pool.names) if getattr(self.stage1, "singles", False) else 0
+        if self.subset is None and len(names) > 1:
+            search = self.subset_search(names, blocks, _nobody)
+            alone = len(names) if getattr(self.stage1, "singles", False) else 0
             first = min(search.most, search.space.subsets + alone)
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
@@ -118,7 +124,8 @@ class SearchPlan:
         """
         parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
         told = {
-            "pool": {"base": pool.base.fingerprint, "sources": pool.identity},
+            "pool": {"base": pool.base.fingerprint, "sources": pool.identity}
+            | ({} if pool.dtype is None else {"dtype": pool.dtype}),
             "partition": pool.partition.fingerprint(),
             "benchmarks": [part.frame for part in parts if isinstance(part, Evaluator)],
             "metrics": [str(part.metric) for part in parts if isinstance(part, Evaluator)],
@@ -130,15 +137,20 @@ class SearchPlan:
         return known
 
     def subset_search(
-        self, pool: Pool, scorer: Scorer, journal: Journal | None = None, known: Sequence[Known] = ()
+        self,
+        names: Sequence[str],
+        blocks: Sequence[str],
+        scorer: Scorer,
+        journal: Journal | None = None,
+        known: Sequence[Known] = (),
     ) -> SubsetSearch:
-        """Stage 1 of this plan, ready for its first step."""
-        names, limits = pool.names, self.constraints
+        """Stage 1 of this plan over these sources, ready for its first step."""
+        limits = self.constraints
         if isinstance(self.stage1, BayesianSubsetSettings):
             return BayesianSubsetSearch(
-                names, pool.blocks, scorer, self.stage1, constraints=limits, known=known, journal=journal
+                names, blocks, scorer, self.stage1, constraints=limits, known=known, journal=journal
             )
-        return SubsetSearch(names, pool.blocks, scorer, self.stage1, constraints=limits, journal=journal)
+        return SubsetSearch(names, blocks, scorer, self.stage1, constraints=limits, journal=journal)
 
     def routing_search(
         self,
@@ -179,7 +191,7 @@ class SearchPlan:
         """
         subset = self.subset
         if subset is None:
-            space = self.subset_search(pool, _nobody).space
+            space = self.subset_search(pool.names, pool.blocks, _nobody).space
             first = [*space.required, *space.optional][: space.smallest]
             subset = tuple(pool.names[gene] for gene in sorted(first))
         if self.stage2 is not None:

@@ -20,6 +20,7 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.engines.worker import Worker
 from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.merging.dtypes import written_as
 from sfkit.merging.forward import ForwardMode
 from sfkit.merging.live import LiveModel
 from sfkit.merging.opening import open_pool
@@ -68,6 +69,7 @@ class WorkerPlan:
     Attributes:
         spec: the pool's files; a worker opens them, which cached task vectors make cheap.
         preparation: what is done to the task vectors then.
+        dtype: what merged networks are rounded to, see :func:`~sfkit.merging.dtypes.written_as`.
         module: the module whose import registers the architecture.
         code: the user's file that registers it, as it was run here.
         benchmark: its record; pairs in memory travel with it.
@@ -80,6 +82,7 @@ class WorkerPlan:
 
     spec: PoolSpec
     preparation: tuple[Step, ...]
+    dtype: str | None
     module: str
     code: Code | None
     benchmark: Benchmark
@@ -113,6 +116,7 @@ class WorkerPlan:
         return cls(
             pool.spec,
             pool.preparation,
+            pool.dtype,
             module,
             pool.architecture.code,
             benchmark,
@@ -139,7 +143,7 @@ class WorkerPlan:
         self.register()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SfkitWarning)  # the process that made the plan has warned
-            opened = pool or prepare(open_pool(self.spec), *self.preparation)
+            opened = pool or written_as(prepare(open_pool(self.spec), *self.preparation), self.dtype)
         self._check(identity(opened, self.benchmark))
         inputs = opened.architecture.inputs(opened.options)
         prepared = PreparedBenchmark(self.benchmark, inputs, self.quantities)

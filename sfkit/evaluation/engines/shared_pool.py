@@ -50,6 +50,7 @@ class SharedPool:
     Attributes:
         record: the pool's other fields, by name.
         layout: of the flat buffers.
+        rounding: of merges.
         base_flat: the base in that layout.
         vectors: source name -> task vector.
         base_tensors: key -> the base's tensor.
@@ -57,6 +58,7 @@ class SharedPool:
 
     record: Mapping[str, Any]
     layout: FlatLayout
+    rounding: torch.dtype | None
     base_flat: TensorBytes
     vectors: Mapping[str, TensorBytes]
     base_tensors: Mapping[str, TensorBytes]
@@ -68,6 +70,7 @@ class SharedPool:
         return cls(
             {f.name: getattr(pool, f.name) for f in fields(pool) if f.name not in apart},
             pool.layout,
+            pool.task_vectors.rounding,
             TensorBytes.of(pool.base_flat),
             {name: TensorBytes.of(vector) for name, vector in pool.vectors.items()},
             {key: TensorBytes.of(tensor) for key, tensor in pool.base_tensors.items()},
@@ -83,7 +86,7 @@ class SharedPool:
         return Pool(
             architecture=architecture(self.record["spec"].architecture),
             base_tensors={key: data.tensor() for key, data in self.base_tensors.items()},
-            task_vectors=TaskVectors(self.layout, self.base_flat.tensor(), by_source),
+            task_vectors=TaskVectors(self.layout, self.base_flat.tensor(), by_source, self.rounding),
             **self.record,
         )
 
