@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sfkit.cli.options import ForceOption, JsonOption, emit, network_options
+from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 from sfkit.exporting.export import ENDINGS, check_target, export_network, form_of
 
@@ -53,6 +54,9 @@ def export(
     kind = form_of(form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])
     check_target(out, kind, overwrite=force)
+    places = Places(left=left, right=right)
+    places.reads("FILE", file)
+    places.claim("--out", out)
     if (left is None) != (right is None):
         raise InputError("--left and --right: found one of them, expected both images of a pair")
     pair = None if left is None or right is None else (read_image(left), read_image(right))

@@ -10,6 +10,7 @@ import typer
 
 from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
 from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.outputs import Places
 from sfkit.cli.panels import ComputeOptions
 
 if TYPE_CHECKING:
@@ -52,10 +53,22 @@ def run(
     from sfkit.factory import read_factory, report_values
     from sfkit.factory import run as run_factory
     from sfkit.factory.file import JOINT
+    from sfkit.factory.places import COSTS, POOL, SCORES, SEARCH, STORE, ensure_own
+    from sfkit.search.run_folder import LOCK, OUTPUTS
+    from sfkit.search.run_folder import SEARCH as SEARCH_RECORD
 
     factory = read_factory(file)
+    places = Places()
+    places.reads("FILE", file)
+    places.reads(f"base in {file}", factory.base)
+    places.folder(f"out in {file}", factory.out, (POOL, SCORES, COSTS))
+    places.folder(f"out in {file}", factory.out / SEARCH, (*OUTPUTS, SEARCH_RECORD, LOCK))
+    places.store(factory.out / STORE, f"out in {file}")
     if report is not None:
         report_values(factory)  # refused now rather than after the trainings
+        places.file("--report", report, ".html", force=True)
+        places.claim("--report", report.with_suffix(".ipynb"))
+    ensure_own(factory)
     made = run_factory(factory, devices=devices or (compute.device,), compute=compute, say=say)
     columns = list(next(iter(made.scores.values())))
     lines = [f"{'network':24s} " + " ".join(f"{c:>16s}" for c in columns)]

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.checkpoints.targets import FileForm
+from sfkit.checkpoints.targets import FileForm, check_target
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
+from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 from sfkit.outside import read_toml
 
@@ -78,8 +79,13 @@ def command(
     """
     from sfkit.datasets.benchmark import open_benchmark
     from sfkit.datasets.training_sets import open_training_set
-    from sfkit.training.finetune import finetune
+    from sfkit.training.finetune import OUTPUTS, finetune, training_folder
 
+    check_target(out, form, overwrite=force)
+    places = Places(settings=settings, csv=csv)
+    places.reads("BASE", base)
+    places.claim("--out", out)
+    places.folder("--out", training_folder(out), OUTPUTS)
     chosen = _settings(
         settings,
         epochs=epochs,

@@ -27,6 +27,11 @@ class Places:
         }
         self._writes: dict[Path, str] = {}
 
+    def reads(self, argument: str, path: Path | None) -> None:
+        """A file the command reads and must not write to; None where it was not given."""
+        if path is not None:
+            self._reads[argument] = path
+
     def file(self, argument: str, path: Path | None, *endings: str, force: bool) -> None:
         """A file that will be written; nothing is checked of None.
 
@@ -64,7 +69,7 @@ class Places:
                 raise InputError(f"{argument}: {path / name} is a folder, and a file of that name is written")
             self.claim(argument, path / name)
 
-    def store(self, path: Path | None) -> None:
+    def store(self, path: Path | None, argument: str = "--store") -> None:
         """An evaluation store that will be extended; one that does not exist is not made.
 
         Raises:
@@ -77,8 +82,8 @@ class Places:
         from sfkit.evaluation.store_file import companions
 
         for file in (path, *companions(path)):
-            self.claim("--store", file)
-        _check_place("--store", path.absolute().parent)
+            self.claim(argument, file)
+        _check_place(argument, path.absolute().parent)
         if path.exists():
             EvaluationStore(path).close()
 

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 
 
@@ -48,6 +49,13 @@ def report(
     if not notebook.suffix and len(notebook.parts) == 1 and not notebook.exists():
         notebook = notebook_path(str(notebook))
     values = read_parameters(notebook, dict(_parameter(text) for text in parameter or []))
+    places = Places()
+    places.reads("NOTEBOOK", notebook)
+    for name, value in values.items():
+        if isinstance(value, str) and "\0" not in value and Path(value).suffix:
+            places.reads(f"-p {name}", Path(value))
+    places.file("--out", out, ".html", force=True)
+    places.claim("--out", out.with_suffix(".ipynb"))
     written = run_report(notebook, values, out, progress=say, figures=figures)
     document: dict[str, object] = {"report": written}
     text = f"wrote {written}"

@@ -139,6 +139,9 @@ def export(
     """
     from sfkit.evaluation.exchange import export_evaluations
 
+    places = Places()
+    places.reads("STORE", store)
+    places.file("--out", out, ".csv", ".parquet", force=False)
     with _existing(store) as opened:
         written, count = export_evaluations(opened, out), len(opened)
     emit({"file": written, "evaluations": count}, f"wrote {count} evaluations to {written}", as_json=json)
@@ -159,6 +162,9 @@ def import_(
     from sfkit.evaluation.exchange import import_evaluations
     from sfkit.evaluation.store import EvaluationStore
 
+    places = Places()
+    places.reads("SOURCE", source)
+    places.store(into, "--into")
     with _existing(source) as opened, EvaluationStore(into) as target:
         copied, held = import_evaluations(opened, target)
     emit({"copied": copied, "already_there": held}, f"copied {copied}, {held} were there", as_json=json)

@@ -18,6 +18,7 @@ from sfkit.errors import SfkitWarning
 from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Scorer
 from sfkit.factory.file import JOINT, Factory, toml_value
+from sfkit.factory.places import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
 from sfkit.factory.status import Item, file_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
@@ -97,27 +98,29 @@ def run(
         say: hears how it goes.
 
     Raises:
-        InputError: what :func:`~sfkit.training.finetune.finetune` and the search refuse.
+        InputError: files that no factory made would be replaced, and what
+            :func:`~sfkit.training.finetune.finetune` and the search refuse.
         SfkitError: a training failed.
     """
     compute = compute or Compute(devices[0])
+    ensure_own(factory)
     warn_of_seen_pairs(factory)
     trained = train_missing(factory, devices=devices, ray=compute.engine == "ray", say=say)
-    pool_file = write_text(factory.out / "pool.toml", pool_toml(factory))
+    pool_file = write_text(factory.out / POOL, pool_toml(factory))
     pool = open_pool(pool_file)
-    with EvaluationStore(factory.out / "evaluations.sqlite") as store:
+    with EvaluationStore(factory.out / STORE) as store:
         before = len(store)
         guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
         scorer: Scorer = guides[0] if len(guides) == 1 else CombinedScorer(guides, factory.combine)
         # A source that was added makes another search, whose result is to take the former one's place.
-        found = search_pool(pool, scorer, factory.plan, factory.out / "search", force=True)
+        found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True)
         scores = _scores(factory, pool, found, guides, compute)
         evaluated = len(store) - before
-    write_text(factory.out / "scores.json", json.dumps(scores, indent=2) + "\n")
+    write_text(factory.out / SCORES, json.dumps(scores, indent=2) + "\n")
     items = status(factory)
     costs = (*_training_costs(factory, items), _search_cost(factory, found))
     table = pd.DataFrame([asdict(cost) for cost in costs])
-    write_text(factory.out / "costs.csv", table.to_csv(index=False))
+    write_text(factory.out / COSTS, table.to_csv(index=False))
     return Made(items, pool_file, found, scores, costs, trained, evaluated)
 
 
@@ -138,7 +141,7 @@ def pool_toml(factory: Factory) -> str:
             f"\n[sources.{toml_value(order.name)}]\nfile = {toml_value(str(root / file.resolve()))}\n"
             + (f"licence = {toml_value(made['licence'])}" if made["licence"] else "")
         )
-    return "\n".join(lines) + "\n"
+    return MADE_BY + "\n".join(lines) + "\n"
 
 
 def warn_of_seen_pairs(factory: Factory) -> None:

@@ -38,6 +38,8 @@ from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
 
 KEY = "sfkit.training"
+OUTPUTS = ("training.csv", "training.json")
+"""What a training leaves in its folder, besides its states."""
 COLUMNS = ("step", "loss", "gradient_norm", "rate")
 
 

@@ -88,3 +88,46 @@ def test_one_file_is_not_two_things(line: str, said: str, shell: Shell, world: P
     _, errors = shell(line, code=2)
     assert said in errors
     assert files(world) == before
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("report book.ipynb -o book.html", "NOTEBOOK"),
+        ("report book.ipynb -p store x.html -o ./link/../x.html", "-p store"),
+        ("finetune pool/base.safetensors pairs -r pairs -a anynet -o pool/base.safetensors --force", "BASE"),
+        ("finetune pool/base.safetensors pairs -r pairs -a anynet -o link.safetensors --force", "BASE"),
+        ("runs import kept.sqlite --into ./kept.sqlite", "SOURCE"),
+        ("runs import kept.sqlite --into kept.sqlite-wal", "kept.sqlite-wal"),
+        ("export mix.pth -f pth -o ./mix.pth --force", "FILE"),
+    ],
+)
+def test_what_is_read_is_not_written(line: str, said: str, shell: Shell, world: Path) -> None:
+    """Each of these replaced, or would have, what it was made from."""
+    shell("merge pool --uniform -o mix.pth --form original")
+    shell(f"evaluate pool {PAIRS} --uniform --store kept.sqlite")
+    (world / "link").mkdir()
+    (world / "link.safetensors").symlink_to("pool/base.safetensors")
+    (world / "kept.sqlite-wal").write_bytes(b"")
+    (world / "book.ipynb").write_text(json.dumps(BOOK))
+    before = files(world)
+    _, errors = shell(line, code=2)
+    assert said in errors
+    assert files(world) == before
+
+
+BOOK = {
+    "nbformat": 4,
+    "nbformat_minor": 5,
+    "metadata": {"papermill": {}},
+    "cells": [
+        {
+            "cell_type": "code",
+            "id": "a",
+            "metadata": {"tags": ["parameters"]},
+            "source": "store = ''",
+            "outputs": [],
+            "execution_count": None,
+        }
+    ],
+}
