@@ -18,6 +18,10 @@ class StoreError(SfkitError):
     """The evaluation store cannot be used as it is (damaged, not a store, on a network file system)."""
 
 
+class DamagedStoreError(StoreError):
+    """Part of an evaluation store is not what was written; :mod:`sfkit.evaluation.rescue` reads the rest."""
+
+
 def nearest(name: str, allowed: Iterable[str]) -> str:
     """``"; did you mean 'x'?"`` for the closest allowed name, else the empty string."""
     match = difflib.get_close_matches(name, list(map(str, allowed)), n=1, cutoff=0.5)

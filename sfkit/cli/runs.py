@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sfkit.cli.groups import WholeHelp
-from sfkit.cli.options import ForceOption, JsonOption, emit
+from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.cli.outputs import Places
-from sfkit.errors import InputError
+from sfkit.errors import DamagedStoreError, InputError
 
 if TYPE_CHECKING:
     from sfkit.evaluation.store import EvaluationStore
@@ -153,21 +153,30 @@ def import_(
     into: Annotated[Path, typer.Option("--into", help="The store to extend; made if need be.")],
     json: JsonOption = False,
 ) -> None:
-    """Copy evaluations from one store into another, such as from another machine.
+    """Copy evaluations from one store into another, such as from another machine, or out of a damaged one.
 
     \b
     Example:
       sfkit runs import cluster.sqlite --into runs/garage/evaluations.sqlite
     """
     from sfkit.evaluation.exchange import import_evaluations
+    from sfkit.evaluation.rescue import rescue
     from sfkit.evaluation.store import EvaluationStore
 
     places = Places()
     places.reads("SOURCE", source)
     places.store(into, "--into")
-    with _existing(source) as opened, EvaluationStore(into) as target:
-        copied, held = import_evaluations(opened, target)
-    emit({"copied": copied, "already_there": held}, f"copied {copied}, {held} were there", as_json=json)
+    lost: tuple[int, ...] = ()
+    try:
+        with _existing(source) as opened, EvaluationStore(into) as target:
+            copied, held = import_evaluations(opened, target)
+    except DamagedStoreError:
+        with EvaluationStore(into) as target:
+            found = rescue(source, target)
+        copied, held, lost = found.copied, found.held, found.lost
+        say(f"{source}: is damaged, {len(lost)} of its evaluations cannot be read; the others were")
+    document = {"copied": copied, "already_there": held, "lost": len(lost)}
+    emit(document, f"copied {copied}, {held} were there", as_json=json)
 
 
 def _short(text: str | bool) -> str:

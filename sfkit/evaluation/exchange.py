@@ -92,13 +92,20 @@ def import_evaluations(source: EvaluationStore, target: EvaluationStore) -> tupl
         check_evaluation(evaluation, str(source.path))
     copied = held = 0
     for evaluation in source:
-        known = target.get(evaluation.key)
-        if known is not None and (known.failure is None or evaluation.failure is not None):
+        if take(evaluation, target):
+            copied += 1
+        else:
             held += 1
-            continue
-        target.put(evaluation)
-        copied += 1
     return copied, held
+
+
+def take(evaluation: Evaluation, target: EvaluationStore) -> bool:
+    """Write an evaluation of another store; False where the target has one that stays."""
+    known = target.get(evaluation.key)
+    if known is not None and (known.failure is None or evaluation.failure is not None):
+        return False
+    target.put(evaluation)
+    return True
 
 
 def check_evaluation(evaluation: Evaluation, where: str) -> None:

@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import text_digest
-from sfkit.errors import SfkitWarning, StoreError
+from sfkit.errors import DamagedStoreError, SfkitWarning, StoreError
 from sfkit.evaluation.metrics import ImageErrors
-from sfkit.evaluation.store_file import DAMAGE, MEMORY, open_store, remedy, restore
+from sfkit.evaluation.store_file import DAMAGE, MEMORY, broken, open_store, restore, salvage
 
 HAND_EDIT = "hand edit"  # the mark of an evaluation that a person asked for
-_COLUMNS = "key, description, errors, failure, seconds, checksum"
+COLUMNS = "key, description, errors, failure, seconds, checksum"
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class EvaluationStore:
 
     def get(self, key: str) -> Evaluation | None:
         """The evaluation under ``key``, or None."""
-        row = self._rows(f"SELECT {_COLUMNS} FROM evaluations WHERE key = ?", (key,))
-        return self._evaluation(row[0]) if row else None
+        row = self._rows(f"SELECT {COLUMNS} FROM evaluations WHERE key = ?", (key,))
+        return evaluation_of(row[0], self.path) if row else None
 
     def put(self, evaluation: Evaluation) -> Evaluation:
         """Write an evaluation and return what the store now holds under its key: the first one written.
@@ -122,8 +122,8 @@ class EvaluationStore:
 
     def __iter__(self) -> Iterator[Evaluation]:
         """All evaluations in the order they were first written."""
-        query = f"SELECT {_COLUMNS} FROM evaluations ORDER BY number"
-        return (self._evaluation(row) for row in self._rows(query, ()))
+        query = f"SELECT {COLUMNS} FROM evaluations ORDER BY number"
+        return (evaluation_of(row, self.path) for row in self._rows(query, ()))
 
     @property
     def last(self) -> int:
@@ -132,8 +132,8 @@ class EvaluationStore:
 
     def until(self, number: int) -> Iterator[Evaluation]:
         """The evaluations first written up to a number that :attr:`last` gave, in that order."""
-        query = f"SELECT {_COLUMNS} FROM evaluations WHERE number <= ? ORDER BY number"
-        return (self._evaluation(row) for row in self._rows(query, (number,)))
+        query = f"SELECT {COLUMNS} FROM evaluations WHERE number <= ? ORDER BY number"
+        return (evaluation_of(row, self.path) for row in self._rows(query, (number,)))
 
     def attempts(self, key: str) -> int:
         """How often the evaluation under ``key`` was computed and offered; 0 where there is none."""
@@ -153,16 +153,6 @@ class EvaluationStore:
     def _rows(self, query: str, values: Iterable[Any]) -> list[Any]:
         with self._lock, self._as_store_errors(), closing(self._db.execute(query, tuple(values))) as cursor:
             return cursor.fetchall()
-
-    def _evaluation(self, row: Sequence[Any]) -> Evaluation:
-        key, description, errors, failure, seconds, checksum = row
-        if checksum not in (None, _checksum(*row[:5])):
-            raise StoreError(
-                f"{self.path}: is damaged, evaluation {key} is not what was written: it is left as it is; "
-                "restore it from a copy or name another file"
-            )
-        images = tuple(ImageErrors.from_dict(image) for image in json.loads(errors)) if errors else ()
-        return Evaluation(key, json.loads(description), images, failure, seconds, cached=True)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -214,7 +204,22 @@ class EvaluationStore:
         except sqlite3.ProgrammingError:
             raise
         except DAMAGE as error:
-            raise StoreError(f"{self.path}: {remedy(error)}") from error
+            raise broken(self.path, error) from error
+
+
+def evaluation_of(row: Sequence[Any], path: Path) -> Evaluation:
+    """The evaluation in a row of ``COLUMNS``.
+
+    Raises:
+        DamagedStoreError: it is not what was written.
+    """
+    key, description, errors, failure, seconds, checksum = row
+    if checksum not in (None, _checksum(*row[:5])):
+        raise DamagedStoreError(
+            f"{path}: is damaged, evaluation {key} is not what was written: {salvage(path)}"
+        )
+    images = tuple(ImageErrors.from_dict(image) for image in json.loads(errors)) if errors else ()
+    return Evaluation(key, json.loads(description), images, failure, seconds, cached=True)
 
 
 def _checksum(*row: str | float | None) -> str:

@@ -12,7 +12,7 @@ from contextlib import closing
 from pathlib import Path
 from urllib.parse import quote
 
-from sfkit.errors import SfkitWarning, StoreError
+from sfkit.errors import DamagedStoreError, SfkitWarning, StoreError
 from sfkit.evaluation.file_systems import file_system, is_shared
 from sfkit.files import fresh_beside, writing
 
@@ -90,7 +90,7 @@ def open_store(path: Path, *, read_only: bool = False) -> sqlite3.Connection:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
         if read_only and code in _NO_ACCESS and os.access(path, os.R_OK):
             return _immutable(path)
-        raise StoreError(f"{path}: {remedy(error)}") from error
+        raise broken(path, error) from error
     except OSError as error:
         raise StoreError(
             f"{path}: cannot be opened ({error.strerror}), expected a place to write to"
@@ -135,6 +135,22 @@ def remedy(error: Exception) -> str:
     )
 
 
+def broken(path: Path, error: Exception) -> StoreError:
+    """SQLite's error as a sentence."""
+    code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
+    if code == sqlite3.SQLITE_CORRUPT or isinstance(error, UnicodeDecodeError):
+        return DamagedStoreError(f"{path}: is damaged ({error}): {salvage(path)}")
+    return StoreError(f"{path}: {remedy(error)}")
+
+
+def salvage(path: Path) -> str:
+    """What to do with a damaged store, the end of a sentence."""
+    return (
+        "it is left as it is; restore it from a copy, or keep what can be read of it in another: sfkit runs "
+        f"import {path} --into NEW"
+    )
+
+
 def _opened(path: Path, mode: str) -> sqlite3.Connection:
     db = sqlite3.connect(path, timeout=OPEN_SECONDS, check_same_thread=False)
     try:
@@ -162,7 +178,7 @@ def _immutable(path: Path) -> sqlite3.Connection:
         )
         _check_identity(db, path)
     except DAMAGE as error:
-        raise StoreError(f"{path}: {remedy(error)}") from error
+        raise broken(path, error) from error
     return db
 
 
@@ -234,4 +250,5 @@ def _check_identity(db: sqlite3.Connection, path: Path) -> None:
         )
     problem = db.execute("PRAGMA quick_check(1)").fetchone()[0]
     if problem != "ok":
-        raise StoreError(f"{path}: is damaged ({problem}): it is left as it is; restore it from a copy")
+        problem = problem.rpartition("\n")[2]  # after the name of the database
+        raise DamagedStoreError(f"{path}: is damaged ({problem}): {salvage(path)}")
