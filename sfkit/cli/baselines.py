@@ -130,7 +130,7 @@ def _entry(result: BaselineResult) -> dict[str, Any]:
         "image_passes": result.image_passes,
         "seconds": result.seconds,
         "note": result.note,
-        "recipe": result.pool.signed(result.recipe).as_dict(),
+        "recipe": result.pool.bound(result.recipe).document(),
     }
 
 

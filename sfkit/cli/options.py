@@ -86,9 +86,23 @@ def choosers(
             *_named(subset_from, lambda: transfer(other, pool.names))
         )
     if recipe is not None:
-        read = read_recipe(recipe)
+        read = recipe_of(recipe)
         found[str(recipe)] = lambda pool: _named(recipe, lambda: _checked(pool, read))
     return found
+
+
+def recipe_of(path: Path) -> Recipe:
+    """A recipe from its JSON file or a merged network; a word where it does not say which networks it means.
+
+    Raises:
+        InputError: there is no recipe in it.
+    """
+    from sfkit.merging.saving import read_recipe
+
+    read = read_recipe(path)
+    if read.merged_from is None:
+        say(f"{path}: does not say which networks it was made with: its names are taken for the pool's")
+    return read
 
 
 def prepared(name: str, pool: Pool, recipe: Recipe) -> Pool:

@@ -20,6 +20,7 @@ from sfkit.cli.options import (
     SubsetOption,
     emit,
     pool_of,
+    recipe_of,
     say,
     source_names,
 )
@@ -101,7 +102,6 @@ def search(
     from sfkit.evaluation.changes import LABEL
     from sfkit.evaluation.combining import CombinedScorer
     from sfkit.evaluation.evaluator import Evaluator
-    from sfkit.merging.saving import read_recipe
     from sfkit.search.pipeline import cost, search_pool, summary
     from sfkit.search.plan import SearchPlan
     from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
@@ -114,7 +114,7 @@ def search(
         if stage2.get("evaluations") == 0
         else RoutingSettings(**{**stage2, "tied": stage2["tied"] and "rank" not in stage2}),
         constraints=constraints,
-        start=read_recipe(start) if start is not None else None,
+        start=recipe_of(start) if start is not None else None,
     )
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     guides, combine = guides_of(data.open(), guidance), guidance.combine

@@ -16,6 +16,7 @@ from sfkit.errors import InputError
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8\xff"
 _SCAN, _END = 0xDA, 0xD9  # markers after 0xFF
+_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # say which colours there are
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # in a scan, others are data and restarts
 _BLOCK = 8  # pixels; a JPEG's blocks, or half of them where colour is subsampled
 
@@ -80,8 +81,12 @@ def _complete(data: bytes) -> bool:
 
 
 def _jpeg_ends(data: bytes) -> bool:
-    """Walk the segments up to the image's own end: that of a thumbnail in one of them is another."""
-    at = 2
+    """Walk the segments up to the image's own end: that of a thumbnail in one of them is another.
+
+    A progressive image comes in several scans, each of which makes all of it finer; where some are missing,
+    it looks whole and is blurred. So every frequency of every colour must have come to its last bit.
+    """
+    at, missing = 2, _Refinements()
     while at + 4 <= len(data):
         if data[at] != 0xFF:  # padding between segments, which decoders skip
             at = data.find(b"\xff", at)
@@ -93,14 +98,43 @@ def _jpeg_ends(data: bytes) -> bool:
             at += 1
             continue
         if kind == _END:
-            return True
+            return not missing.left
+        if kind in _FRAMES:
+            missing.expect(data[at + 4 :])
+        elif kind == _SCAN:
+            missing.take(data[at + 4 : at + 4 + 16])
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
         if kind == _SCAN:
             match = _MARKER.search(data, at)
             if match is None:
                 return False
             at = match.start()
-    return data[at : at + 2] == bytes((0xFF, _END))
+    return data[at : at + 2] == bytes((0xFF, _END)) and not missing.left
+
+
+class _Refinements:
+    """The frequencies of each colour of a JPEG that no scan has brought to their last bit yet."""
+
+    def __init__(self) -> None:
+        self._left: dict[int, set[int]] = {}
+
+    @property
+    def left(self) -> bool:
+        """True while some are missing."""
+        return any(self._left.values())
+
+    def expect(self, frame: bytes) -> None:
+        """Hear of the colours: a frame's content, after its length."""
+        self._left = {colour: set(range(64)) for colour in frame[6 : 6 + 3 * frame[5] : 3]}
+
+    def take(self, scan: bytes) -> None:
+        """Hear of a scan: its colours, its first and last frequency, and how many bits it leaves out."""
+        end = 1 + 2 * scan[0]
+        if len(scan) < end + 3:
+            return
+        first, last, bits = scan[end : end + 3]
+        for colour in scan[1:end:2] if bits & 0x0F == 0 else ():
+            self._left.get(colour, set()).difference_update(range(first, last + 1))
 
 
 def _filled(pixels: NDArray[Any]) -> bool:

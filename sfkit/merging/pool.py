@@ -215,16 +215,16 @@ class Pool:
             )
 
     def _check_origin(self, merged_from: Mapping[str, str]) -> None:
-        """Refuse a merged file's recipe where a name stands for another network here than it did there."""
+        """Refuse a recipe where a name stands for another network here than where it was made."""
         read = {m.name: m for members in self.origins.values() for m in members} | {"base": self.base}
         for name, fingerprint in merged_from.items():
             if name in read and read[name].fingerprint != fingerprint:
                 known = next((n for n, m in read.items() if m.fingerprint == fingerprint), None)
                 other = f"; here {known!r} is, were names exchanged?" if known else ""
                 raise InputError(
-                    f"recipe: its file was merged from another {name!r} than that of pool {self.name!r} "
+                    f"recipe: was merged from another {name!r} than that of pool {self.name!r} "
                     f"({read[name].path}), expected the same network{other}; to merge with this one all the "
-                    "same, give the recipe as JSON"
+                    "same, take networks out of its JSON"
                 )
 
     def signed(self, recipe: Recipe) -> Recipe:
@@ -235,6 +235,21 @@ class Pool:
         """
         self.check_recipe(recipe)
         return replace(recipe, preparation=self.preparation)
+
+    def bound(self, recipe: Recipe) -> Recipe:
+        """:meth:`signed`, and bound to this pool's networks: another pool refuses it where a name of its own
+        stands for another network.
+
+        Raises:
+            InputError: the recipe is not for this pool.
+        """
+        members = {"base": self.base, **self.taking_part(recipe)}
+        return replace(self.signed(recipe), merged_from={name: m.fingerprint for name, m in members.items()})
+
+    def taking_part(self, recipe: Recipe) -> dict[str, Checked]:
+        """The sources with a weight somewhere, or those that one with a weight was made from, by name."""
+        weighing = [n for e, n in enumerate(recipe.sources) if any(row[e] for row in recipe.weights)]
+        return {origin.name: origin for name in weighing for origin in self.origins[name]}
 
     def canonical(self, recipe: Recipe) -> dict[str, Any]:
         """What decides the merged network, in content rather than names; part of evaluation keys."""

@@ -19,7 +19,7 @@ from sfkit.merging.steps import Step, as_dicts, from_dicts
 from sfkit.outside import number, parse_json, table
 from sfkit.outside import text as read_text_value
 
-_KEYS = frozenset(("format", "preparation", "sources", "blocks", "weights", "scales"))
+_KEYS = frozenset(("format", "preparation", "networks", "sources", "blocks", "weights", "scales"))
 FORMAT = "sfkit-recipe/1"
 PREPARED = "sfkit-recipe/2"
 """With a preparation: a reader that does not know of them refuses it."""
@@ -38,8 +38,9 @@ class Recipe:
         scales: B module scales; they act on parameters, never on running statistics.
         preparation: the steps that made the sources' task vectors out of those the pool was read with. A
             prepared pool's own recipes may leave it out; :meth:`~sfkit.merging.pool.Pool.signed` adds it.
-        merged_from: fingerprints by member (``base`` and sources) of the merged file it was read from, which
-            a pool must have to rebuild it; None of a recipe that was made or read as JSON.
+        merged_from: fingerprints by member (``base`` and sources) of the networks it was made with, which a
+            pool must have to rebuild it; ``networks`` in its JSON. None of a recipe that nobody bound to any
+            (:meth:`~sfkit.merging.pool.Pool.bound`).
     """
 
     sources: tuple[str, ...]
@@ -155,11 +156,18 @@ class Recipe:
 
     def to_json(self) -> str:
         """The recipe as JSON text; :meth:`from_json` reads it back exactly."""
-        return json.dumps(self.as_dict(), indent=2)
+        return json.dumps(self.document(), indent=2)
+
+    def document(self) -> dict[str, Any]:
+        """:meth:`as_dict`, and under ``networks`` the fingerprints it is bound to."""
+        return {
+            **self.as_dict(),
+            **({} if self.merged_from is None else {"networks": dict(self.merged_from)}),
+        }
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], *, where: str = "recipe") -> Recipe:
-        """Read what :meth:`as_dict` wrote.
+        """Read what :meth:`as_dict` or :meth:`document` wrote.
 
         Raises:
             InputError: a key is missing, or is not of the recipe's form; ``where`` names the file.
@@ -178,7 +186,7 @@ class Recipe:
         weights = tuple(_numbers(_entry(rows, b, where), sources, f"{where}: weights.{b}") for b in blocks)
         scales = _numbers(of_block, blocks, f"{where}: scales")
         try:
-            return cls(sources, blocks, weights, scales, steps)
+            return cls(sources, blocks, weights, scales, steps, _networks(values.get("networks"), where))
         except InputError as error:
             raise InputError(f"{where}: {str(error).removeprefix('recipe: ')}") from error
 
@@ -194,6 +202,13 @@ class Recipe:
             kind = type(values).__name__
             raise InputError(f"{where}: found a JSON {kind}, expected the object that Recipe.to_json writes")
         return cls.from_dict(values, where=where)
+
+
+def _networks(values: Any, where: str) -> dict[str, str] | None:
+    if values is None:
+        return None
+    held = table(values, f"{where}: networks")
+    return {name: read_text_value(held[name], f"{where}: networks.{name}") for name in held}
 
 
 def _entry(values: Mapping[str, Any], key: str, where: str) -> Any:

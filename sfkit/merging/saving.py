@@ -26,8 +26,6 @@ __all__ = ["Origin", "origin_metadata", "read_origin", "read_recipe", "save_merg
 def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:
     """The text entries a merged file carries; :func:`read_origin` reads them back."""
     signed = pool.signed(recipe)
-    weighing = [n for e, n in enumerate(recipe.sources) if any(row[e] for row in recipe.weights)]
-    members = {origin.name: origin for name in weighing for origin in pool.origins[name]}
     described = pool.describe()
     values = {
         "recipe": signed.as_dict(),
@@ -35,7 +33,7 @@ def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:
         "architecture": {**{key: described[key] for key in ("name", "version")}, "options": pool.options},
         "blocks": dict(zip(pool.blocks, map(list, pool.partition.patterns), strict=True)),
         "base": _member(pool.base),
-        "sources": {name: _member(member) for name, member in members.items()},
+        "sources": {name: _member(member) for name, member in pool.taking_part(recipe).items()},
         "sfkit": version("sfkit"),
     }
     return {f"sfkit.{key}": json.dumps(value) for key, value in values.items()}

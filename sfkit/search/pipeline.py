@@ -135,7 +135,7 @@ def _search(
         stages[name], spent[name] = second.recipe, stage2.counts.distinct + spent.get("Stage 1", 0)
     if best is None:
         raise InputError("the plan has neither stage, expected something to search")
-    write_text(folder / "recipe.json", pool.signed(best.recipe).to_json())
+    write_text(folder / "recipe.json", pool.bound(best.recipe).to_json())
     merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
     ensure_as_scored(pool, best.recipe, scorer, merged)
     found = SearchResult(best.recipe, best.score, first, second, merged, folder, stage2, stages, spent)

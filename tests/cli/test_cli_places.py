@@ -58,6 +58,30 @@ def test_another_pool_is_another_search(shell: Shell, world: Path) -> None:
     assert "pool.sources.driving" in errors
 
 
+def test_a_search_s_recipe_is_refused_where_names_were_exchanged(shell: Shell, world: Path) -> None:
+    shell(f"{SEARCH} -o run")
+    _, errors = shell("merge pool --recipe run/recipe.json -o same.safetensors")
+    assert "does not say" not in errors
+    toml = world / "pool" / "pool.toml"
+    text = toml.read_text()
+    for one, other in (
+        ("a.safe", "x.safe"),
+        ("b.safe", "a.safe"),
+        ("c.safe", "b.safe"),
+        ("x.safe", "c.safe"),
+    ):
+        text = text.replace(f'"{one}', f'"{other}')
+    toml.write_text(text)
+    _, errors = shell("merge pool --recipe run/recipe.json -o other.safetensors", code=2)
+    assert "run/recipe.json" in errors
+    assert "were names exchanged" in errors
+    old = json.loads((world / "run" / "recipe.json").read_text())
+    del old["networks"]
+    (world / "old.json").write_text(json.dumps(old))
+    _, errors = shell("merge pool --recipe old.json -o other.safetensors")
+    assert "old.json: does not say which networks it was made with" in errors
+
+
 def test_two_searches_do_not_share_a_folder(shell: Shell, world: Path) -> None:
     with run_folder(world / "run", {"seed": 7}):
         _, errors = shell(f"{SEARCH} -o run --force", code=2)

@@ -55,6 +55,30 @@ def test_borders_and_progressive_files_are_whole(tmp_path: Path, border: int) ->
     assert read_image(_written(tmp_path, grey)).shape == (64, 64, 3)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5])
+@pytest.mark.parametrize("grey", [False, True])
+def test_half_a_progressive_jpeg_is_refused_though_all_of_it_is_there_blurred(
+    tmp_path: Path, share: float, grey: bool
+) -> None:
+    pixels = cv2.cvtColor(photo(), cv2.COLOR_BGR2GRAY) if grey else photo()
+    whole = jpeg(pixels, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+    read_image(_written(tmp_path, whole))
+    half = whole[: int(share * len(whole))].rstrip(b"\xff") + END
+    blurred = cv2.imdecode(np.frombuffer(half, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert blurred.shape == pixels.shape, "a decoder takes it"
+    assert np.abs(blurred.astype(int) - pixels).mean() > 1, "and gives another image"
+    with pytest.raises(InputError, match=r"x\.jpg: found a file that ends too early"):
+        read_image(_written(tmp_path, half))
+
+
+def test_colours_may_come_in_scans_of_their_own(tmp_path: Path) -> None:
+    """As of a camera that does not interleave: three scans, each of one colour."""
+    flags = (cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111)
+    whole = jpeg(photo(), *flags)
+    assert whole.count(b"\xff\xda") > 6
+    read_image(_written(tmp_path, whole))
+
+
 def _written(folder: Path, content: bytes) -> Path:
     (folder / "x.jpg").write_bytes(content)
     return folder / "x.jpg"

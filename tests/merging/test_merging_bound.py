@@ -42,8 +42,38 @@ def test_exchanged_sources_are_not_merged_in_each_others_place(tmp_path: Path) -
     for use in (other.merge, other.canonical, sfkit.Evaluator(other, benchmark()).describe):
         with pytest.raises(InputError, match=message):
             use(read)  # type: ignore[operator]
-    as_json = sfkit.Recipe.from_json(read.to_json())
-    assert float(other.merge(as_json).network.level) == 6.0  # type: ignore[arg-type]
+    assert float(other.merge(replace(read, merged_from=None)).network.level) == 6.0  # type: ignore[arg-type]
+
+
+def test_a_recipe_s_json_knows_its_networks_as_the_merged_file_does(tmp_path: Path) -> None:
+    pool = flat_pool(tmp_path / "pool", LEVELS)
+    recipe = sfkit.Recipe.weighted({"low": 0.25, "high": 0.75}, pool.blocks)
+    (tmp_path / "r.json").write_text(pool.bound(recipe).to_json())
+    read = read_recipe(tmp_path / "r.json")
+    assert read.merged_from == {"base": pool.base.fingerprint, **pool.identity}
+    assert (read, read.as_dict()) == (recipe, recipe.as_dict())
+    other = exchanged(tmp_path / "pool")
+    with pytest.raises(InputError, match=r"another 'low' .*; to merge .* take networks out of its JSON"):
+        other.merge(read)
+    (tmp_path / "r.json").write_text(recipe.to_json())
+    assert float(other.merge(read_recipe(tmp_path / "r.json")).network.level) == 6.0  # type: ignore[arg-type]
+
+
+def test_only_networks_with_a_weight_are_bound(tmp_path: Path) -> None:
+    """A pool in which a source that does not matter was trained anew goes on with the recipe."""
+    pool = flat_pool(tmp_path / "pool", LEVELS)
+    alone = pool.bound(sfkit.Recipe.weighted({"low": 1.0, "high": 0.0}, pool.blocks))
+    other = flat_pool(tmp_path / "other", {"low": 4.0, "high": 13.0})
+    assert float(other.merge(alone).network.level) == 4.0  # type: ignore[arg-type]
+
+
+def test_what_a_prepared_source_was_made_of_is_bound(tmp_path: Path) -> None:
+    pool = flat_pool(tmp_path / "pool", LEVELS)
+    made = sfkit.prepare(pool, sfkit.Elect())
+    recipe = made.bound(sfkit.Recipe.weighted({made.names[0]: 1.0}, made.blocks))
+    assert set(recipe.merged_from or {}) == {"base", "low", "high"}
+    with pytest.raises(InputError, match="merged from another"):
+        sfkit.prepared_for(flat_pool(tmp_path / "other", {"low": 4.0, "high": 13.0}), recipe)
 
 
 def test_another_base_is_told_too(tmp_path: Path) -> None:
