@@ -85,7 +85,7 @@ ENTRIES = {
         grouped=True,
     ),
     "predict": Entry(
-        "Write each pair's disparity with a colour preview, and its depth where the cameras are known.",
+        "Write the disparity of each pair and pictures of it; depth and points where the cameras are known.",
         "predict",
     ),
     "export": Entry(

@@ -1,4 +1,4 @@
-"""Which left image belongs to which right one, where no name is in both folders: those of one number."""
+"""Which left image belongs to which right one: that of its name, else that of its number."""
 
 from __future__ import annotations
 
@@ -9,6 +9,42 @@ from pathlib import Path
 from sfkit.errors import InputError
 
 Numbers = tuple[int, ...]
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".ppm", ".pgm", ".webp")
+
+
+def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
+    """Two images, or the images of two folders matched by name (by number where no name is in both).
+
+    Raises:
+        InputError: a path is missing, a file meets a folder, both are one, the folders hold different
+            numbers, some names are in both folders and some are not, or numbers differ.
+    """
+    for path in (left, right):
+        if not path.exists():
+            raise InputError(f"{path}: no such file or folder, expected an image or a folder of images")
+    ensure_two(left, right)
+    if left.is_file() and right.is_file():
+        return [(left, right)]
+    if left.is_file() or right.is_file():
+        raise InputError(f"{left} and {right}: found a file and a folder, expected two of one kind")
+    lefts, rights = (_images(folder) for folder in (left, right))
+    if len(lefts) != len(rights) or not lefts:
+        raise InputError(
+            f"{left} and {right}: found {len(lefts)} and {len(rights)} images, expected as many left as right"
+        )
+    by_name = {path.name: path for path in rights}
+    alone = [path for path in lefts if path.name not in by_name]
+    if len(alone) == len(lefts):
+        return match_by_number(lefts, rights)
+    if alone:
+        raise InputError(
+            f"{alone[0]}: found no image of that name in {right}, expected all names in both folders, or none"
+        )
+    return [(path, by_name[path.name]) for path in lefts]
+
+
+def _images(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in IMAGE_SUFFIXES)
 
 
 def match_by_number(lefts: Sequence[Path], rights: Sequence[Path]) -> list[tuple[Path, Path]]:

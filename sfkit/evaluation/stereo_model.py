@@ -15,16 +15,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, overload
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.images import read_image
+from sfkit.datasets.videos import frames
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import check_device
-from sfkit.evaluation.prediction import depth_of
+from sfkit.evaluation.point_cloud import PointCloud, depth_of, point_cloud
+from sfkit.evaluation.prediction import predict_together
 from sfkit.merging.network import LoadedNetwork, load_network
 
 Image = NDArray[np.uint8] | str | Path
@@ -36,8 +37,27 @@ class Disparity(np.ndarray[tuple[int, int], np.dtype[np.float32]]):
     """A disparity map: an array (H, W) of float32 in pixels of the left image, which knows its depth."""
 
     def depth(self, calibration: Calibration) -> NDArray[np.float32]:
-        """Depth (H, W) in metres; infinite where disparity plus offset is not positive."""
+        """Depth (H, W) in metres; infinite where disparity plus offset is not a finite number above 0.
+
+        Raises:
+            InputError: the calibration is of images of another size.
+        """
         return depth_of(np.asarray(self), calibration)
+
+    def point_cloud(
+        self, left: NDArray[np.uint8] | str | Path, calibration: Calibration, *, farthest: float | None = None
+    ) -> PointCloud:
+        """Points in metres in front of the left camera, in the colours of the left image; ``.write`` it.
+
+        Args:
+            left: the left image, (H, W, 3) RGB uint8, or its file.
+            calibration: of images of this size, with the principal point.
+            farthest: points behind this depth in metres are left out.
+
+        Raises:
+            InputError: the principal point is not known, or image or calibration are of another size.
+        """
+        return point_cloud(np.asarray(self), _image(left, "left"), calibration, farthest=farthest)
 
 
 class StereoModel:
@@ -103,19 +123,8 @@ class StereoModel:
                 )
             yield from self._predict([(_image(a, "left"), _image(b, "right"))])
 
-    @torch.inference_mode()
     def _predict(self, pairs: Sequence[tuple[NDArray[np.uint8], NDArray[np.uint8]]]) -> list[Disparity]:
-        prepared = [self.loaded.inputs.prepare(left, right) for left, right in pairs]
-        left, right = (
-            torch.cat([getattr(pair, side) for pair in prepared]).to(self.device)
-            for side in ("left", "right")
-        )
-        output = self.loaded.network(left, right)
-        maps = output.reshape(len(pairs), *output.shape[-2:]).float().cpu()
-        return [
-            pair.window.crop(map_).numpy().copy().view(Disparity)
-            for pair, map_ in zip(prepared, maps, strict=True)
-        ]
+        return [map_.view(Disparity) for map_ in predict_together(self.loaded, pairs)]
 
     def __repr__(self) -> str:
         size = sum(parameter.numel() for parameter in self.loaded.network.parameters())
@@ -142,28 +151,6 @@ def load(
     """
     check_device(device)
     return StereoModel(load_network(path, name=architecture, options=options), device)
-
-
-def frames(path: str | Path) -> Iterator[NDArray[np.uint8]]:
-    """The frames of a video file, each (H, W, 3) RGB uint8.
-
-    Raises:
-        InputError: there is no such file, or it cannot be read as a video.
-    """
-    if not Path(path).is_file():
-        raise InputError(f"{path}: no such file, expected a video")
-    video = cv2.VideoCapture(str(path))
-    try:
-        whole, frame = video.read()
-        if not whole:
-            raise InputError(
-                f"{path}: cannot be read as a video, expected one that OpenCV reads, or its frames"
-            )
-        while whole:
-            yield cv2.cvtColor(frame, cv2.COLOR_BGR2RGB).astype(np.uint8, copy=False)
-            whole, frame = video.read()
-    finally:
-        video.release()
 
 
 def _image(image: Image, side: str) -> NDArray[np.uint8]:

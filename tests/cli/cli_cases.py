@@ -240,6 +240,25 @@ PREDICT = (
     _predict(
         "image", f"merged.safetensors {PAIR} --form png16 -o pairs/pair0 --force", LEFT, "one of the images"
     ),
+    _predict("no-right", f"merged.safetensors -l {LEFT} -o new", "--right is missing"),
+    _predict("layout", f"merged.safetensors {PAIR} --layout side-by-side -o new", "layout 'side-by-side'"),
+    _predict("layout-name", f"merged.safetensors -l {LEFT} --layout sbs -o new", "'sbs'", "side-by-side"),
+    _predict("no-video", "merged.safetensors -l calib.mp4 -r three -o new", "calib.mp4", "no such file"),
+    _predict("not-a-video", "merged.safetensors -l no.mp4 --layout top-bottom -o new", "no.mp4", "video"),
+    _predict("every", f"merged.safetensors {PAIR} --every 2 -o new", "--every is 2", "no video"),
+    _predict("cameras", f"merged.safetensors {PAIR} --cameras 2,3 -o new", "--cameras", "no --calib"),
+    _predict("cameras-form", f"merged.safetensors {PAIR} --calib calib.txt --cameras 2 -o new", "'2'", "2,3"),
+    _predict("cloud", f"merged.safetensors {PAIR} --cloud -o new", "point cloud", "no calibration"),
+    _predict(
+        "centre",
+        f"merged.safetensors {PAIR} --focal 7 --baseline 1 --cloud -o new",
+        "principal point",
+        "K.txt",
+    ),
+    _predict(
+        "size", f"merged.safetensors {PAIR} --calib sized.txt -o new", "941x490 pixels, found 96x48", "K.txt"
+    ),
+    _predict("device", f"merged.safetensors {PAIR} --device gpu -o new", "'gpu'", "expected cpu"),
     _predict("out", f"merged.safetensors {PAIR} -o scores.csv/new", "scores.csv", "no folder"),
     _predict("unknown", f"outside.safetensors {PAIR} -o new", "outside.safetensors", "architecture"),
     _predict("name", f"outside.safetensors {PAIR} -o new --architecture anynt", "'anynt'", "'anynet'"),

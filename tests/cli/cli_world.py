@@ -217,6 +217,10 @@ def _files(world: Path) -> None:
         db.execute("CREATE TABLE notes (text TEXT)")
     db.close()
     (world / "calib.txt").write_text("cam0=[100 0 48; 0 100 24; 0 0 1]\ndoffs=0\n")
+    (world / "sized.txt").write_text(
+        "cam0=[542 0 541; 0 542 255; 0 0 1]\ndoffs=0\nbaseline=60\nwidth=941\nheight=490\n"
+    )
+    (world / "no.mp4").write_bytes(b"no video" * 100)
     (world / "three").mkdir()
     for name in ("x", "y", "z"):
         shutil.copy(world / "pairs" / "pair0" / "left.png", world / "three" / f"{name}.png")

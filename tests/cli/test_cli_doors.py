@@ -90,11 +90,6 @@ def here(world: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     signal.signal(signal.SIGALRM, former)
 
 
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
-
-
 DOORS = (
     ("search deep.toml -b pairs -r pairs -o new", "deep.toml", "not TOML"),
     ("show digits.toml", "digits.toml", "not TOML"),

@@ -9,38 +9,23 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
-import numpy as np
 import pandas as pd
 import pytest
 import torch
 import typer
-from cli_world import Shell, rename_sources
+from cli_world import Shell
 from safetensors.torch import load_file, save_file
-from tiny import base_state, write_pairs, write_pool
+from tiny import base_state, write_pairs
 
 from sfkit import Elect, Evaluator, Trim, open_benchmark, prepare
 from sfkit.baselines import running
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.cli.app import app
-from sfkit.datasets.pfm import read_pfm
 from sfkit.evaluation import EvaluationStore
 from sfkit.merging import LiveModel, Recipe, open_pool
 from sfkit.merging.saving import read_recipe
 
 PAIRS = "-b pairs -r pairs"
-
-
-@pytest.fixture(autouse=True)
-def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    rename_sources(write_pool(tmp_path / "pool"))
-    write_pairs(tmp_path / "pairs", 2)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 def commands() -> Iterator[tuple[str, Any]]:
@@ -270,22 +255,6 @@ def test_search_guarded_on_two_benchmarks(shell: Shell, world: Path) -> None:
     assert "validation: more (3 pairs), epe" in progress
     assert "pairs that guide" in text
     assert "few pairs" not in progress
-
-
-def test_predict(shell: Shell, world: Path) -> None:
-    shell("merge pool --uniform -o merged.safetensors")
-    images = "-l pairs/pair0/left.png -r pairs/pair0/right.png"
-    line = f"predict merged.safetensors {images} --focal 100 --baseline 0.5"
-    document = shell.json(f"{line} -o out")
-    (row,) = document["predictions"]
-    disparity = read_pfm(world / "out" / "left.pfm")
-    assert row["median_px"] == pytest.approx(float(np.median(disparity)))
-    assert row["nonfinite"] == 0
-    depth = read_pfm(Path(row["depth"]))
-    assert depth[20, 50] == pytest.approx(100 * 0.5 / disparity[20, 50], rel=1e-6)
-    _, errors = shell(f"{line} -o out", code=2)
-    assert "exists" in errors
-    shell(f"{line} -o out --force")
 
 
 def test_data_check(shell: Shell) -> None:

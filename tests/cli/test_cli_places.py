@@ -6,26 +6,12 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_world import Shell, rename_sources
-from tiny import write_pairs, write_pool
+from cli_world import Shell
 
 from sfkit.search.run_folder import run_folder
 
 PAIRS = "-b pairs -r pairs"
 SEARCH = f"search pool {PAIRS} --population 3 --generations 0 --evaluations 0 --yes"
-
-
-@pytest.fixture(autouse=True)
-def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    rename_sources(write_pool(tmp_path / "pool"))
-    write_pairs(tmp_path / "pairs", 2)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -6,21 +6,11 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from cli_world import Shell, rename_sources
-from tiny import write_pairs, write_pool
+from cli_world import Shell
 
 from sfkit.merging import members
 
 SEARCH = "search pool -b pairs -r pairs --population 4 --generations 1 --evaluations 6 --yes"
-
-
-@pytest.fixture
-def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
-    """A folder with a pool and two pairs."""
-    rename_sources(write_pool(tmp_path / "pool"))
-    write_pairs(tmp_path / "pairs", 2)
-    monkeypatch.chdir(tmp_path)
-    return Shell(capsys)
 
 
 def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:

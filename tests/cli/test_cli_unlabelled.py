@@ -8,27 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_world import Shell, rename_sources
-from tiny import write_pairs, write_pool
-
-from sfkit.datasets.census import CensusTarget
-from sfkit.datasets.images import read_image
-from sfkit.datasets.pfm import read_pfm
+from cli_world import Shell
 
 BOTH = "-b unlabelled -r pairs --also pairs,root=pairs,metric=epe"
-
-
-@pytest.fixture(autouse=True)
-def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    rename_sources(write_pool(tmp_path / "pool"))
-    write_pairs(tmp_path / "pairs", 2)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
-    return Shell(capsys)
 
 
 def test_baselines_say_how_far_a_guide_without_labels_may_be_trusted(shell: Shell) -> None:
@@ -60,23 +42,6 @@ def test_labels_are_asked_of_every_network_in_the_store(shell: Shell) -> None:
     assert found["correlation"] == pytest.approx(float(np.corrcoef(ranks)[0, 1]))
     assert found["interval"][0] <= found["correlation"] <= found["interval"][1]
     assert found["regret"] == pytest.approx(truth[int(np.argmin(census))] - min(truth))
-
-
-def test_predict_checks_each_by_its_pair(shell: Shell, world: Path) -> None:
-    shell("merge pool --uniform -o merged.safetensors")
-    pair = "-l pairs/pair0/left.png -r pairs/pair0/right.png"
-    assert "confidence" not in shell.json(f"predict merged.safetensors {pair} -o plain")["predictions"][0]
-    line = f"predict merged.safetensors {pair} -o out --check"
-    (row,) = shell.json(line)["predictions"]
-    left, right = (read_image(world / f"pairs/pair0/{side}.png") for side in ("left", "right"))
-    expected = CensusTarget(left, right).residual(read_pfm(Path(row["disparity"])))
-    assert row["census_percent"] == pytest.approx(expected.score, abs=1e-4)
-    assert row["inside"] == pytest.approx(expected.inside)
-    assert 0 <= row["consistent"] <= 1
-    confidence = cv2.imread(row["confidence"], cv2.IMREAD_UNCHANGED)
-    assert (confidence.shape, confidence.dtype) == (left.shape[:2], np.uint8)
-    text, _ = shell(f"{line} --force")
-    assert f"census {row['census_percent']:.2f} %, {100 * row['consistent']:.0f} % consistent" in text
 
 
 def _folder(name: str) -> Path:

@@ -11,8 +11,8 @@ import pytest
 from tiny import write_pairs
 
 from sfkit.datasets.benchmark import open_benchmark
+from sfkit.datasets.matching import match_pairs
 from sfkit.errors import InputError
-from sfkit.evaluation.prediction import match_pairs
 
 
 def folders(root: Path, lefts: list[str], rights: list[str]) -> tuple[Path, Path]:

@@ -17,16 +17,12 @@ from sfkit.cli import main
 from sfkit.colours import hatch
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import read_disparity
+from sfkit.datasets.matching import match_pairs
 from sfkit.datasets.pfm import read_pfm
 from sfkit.errors import InputError, SfkitError
-from sfkit.evaluation.prediction import (
-    PredictionPlan,
-    depth_of,
-    match_pairs,
-    predict,
-    predict_files,
-    preview_of,
-)
+from sfkit.evaluation.point_cloud import depth_of
+from sfkit.evaluation.prediction import predict, preview_of
+from sfkit.evaluation.prediction_files import Outputs, PredictionPlan, predict_files
 from sfkit.merging import Recipe, open_pool
 from sfkit.merging.network import LoadedNetwork
 from sfkit.merging.saving import save_merged
@@ -76,7 +72,7 @@ def test_a_pfm_holds_every_bit(pair: tuple[Path, Path], tmp_path: Path) -> None:
 def test_a_16_bit_png_holds_256ths_of_a_pixel(pair: tuple[Path, Path], tmp_path: Path) -> None:
     said = disparities()
     said[0, :4] = [np.nan, np.inf, 0.0, -3.0]
-    plan = PredictionPlan.of([pair], tmp_path / "out", form="png16")
+    plan = PredictionPlan.of([pair], tmp_path / "out", Outputs("png16"))
     (written,) = predict_files(given(said), plan)
     stored = cv2.imread(str(written.disparity), cv2.IMREAD_UNCHANGED)
     assert stored.dtype == np.uint16
@@ -94,7 +90,7 @@ def test_depth_follows_the_cameras(pair: tuple[Path, Path], tmp_path: Path) -> N
     said[0, :4] = [40.0, 5.0, 2.0, np.nan]
     depth = depth_of(said, cameras)
     assert depth[0].tolist()[:4] == [10.0, np.inf, np.inf, np.inf]
-    plan = PredictionPlan.of([pair], tmp_path / "out", calibration=cameras)
+    plan = PredictionPlan.of([pair], tmp_path / "out", Outputs(calibration=cameras))
     (written,) = predict_files(given(said), plan)
     assert written.depth == tmp_path / "out" / "left_depth.pfm"
     stored = read_pfm(written.depth)
@@ -178,7 +174,7 @@ def test_two_images_never_share_a_file(tmp_path: Path) -> None:
     one = (image(tmp_path / "b.png"), image(tmp_path / "r.png"))
     other = (image(tmp_path / "b_colour.jpg"), image(tmp_path / "r.png"))
     with pytest.raises(InputError, match=r"would both be written to .*b_colour.png"):
-        PredictionPlan.of([one, other], tmp_path / "out", form="png16")
+        PredictionPlan.of([one, other], tmp_path / "out", Outputs("png16"))
 
 
 def test_overwriting_is_asked_for_and_never_reaches_an_image(pair: tuple[Path, Path], tmp_path: Path) -> None:
@@ -189,7 +185,7 @@ def test_overwriting_is_asked_for_and_never_reaches_an_image(pair: tuple[Path, P
     list(predict_files(given(said + 1), PredictionPlan.of([pair], tmp_path, overwrite=True)))
     assert np.array_equal(read_pfm(tmp_path / "left.pfm"), said + 1)
     with pytest.raises(InputError, match=r"left.png: is one of the images"):
-        PredictionPlan.of([pair], tmp_path, form="png16", overwrite=True)
+        PredictionPlan.of([pair], tmp_path, Outputs("png16"), overwrite=True)
 
 
 def test_every_image_is_read_before_the_first_is_predicted(pair: tuple[Path, Path], tmp_path: Path) -> None:
@@ -226,7 +222,14 @@ def test_a_merged_file_predicts_what_its_pool_does(
     with pytest.raises(SystemExit, match=r"^0$"):
         main(["predict", "merged.safetensors", "-l", "l", "-r", "r", "-o", "out", "--calib", "calib.txt"])
     out, errors = capsys.readouterr()
-    assert [line.partition(":")[0] for line in errors.splitlines()] == ["1 of 2", "2 of 2"]
+    cameras, *lines = errors.splitlines()
+    assert (
+        cameras
+        == "cameras: focal length 100.00 px, baseline 0.5000 m, centre (48.00, 20.00), offset 1.500 px"
+    )
+    assert [line.partition(" ->")[0] for line in lines] == [
+        f"{n} of 2: {name}.png and {name}.png" for n, name in enumerate(("one", "two"), 1)
+    ]
     assert out.startswith("out/one.pfm: median ")
 
     live = pool.merge(recipe)

@@ -14,9 +14,9 @@ from tiny import OPTIONS, write_pairs, write_pool
 
 import sfkit
 from sfkit.architectures import architecture
+from sfkit.datasets.videos import frames
 from sfkit.errors import InputError
 from sfkit.evaluation.prediction import predict
-from sfkit.evaluation.stereo_model import frames
 
 Pair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 

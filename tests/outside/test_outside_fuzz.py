@@ -113,6 +113,12 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
         b"cam0=[7e2 0 0; 0 7e2 0; 0 0 1]\ndoffs=0\nbaseline=100\n",
         read_calibration,
     ),
+    "kitti": (
+        "calib.txt",
+        b"S_rect_02: 1242 375\nP2: 7e2 0 6e2 4e1 0 7e2 1e2 0 0 0 1 0\nP3: 7e2 0 6e2 -3 0 7e2 1e2 0 0 0 1 0\n",
+        read_calibration,
+    ),
+    "k": ("K.txt", b"7e2 0 3e2 0 7e2 2e2 0 0 1\n0.5\n", read_calibration),
     "safetensors": ("x.safetensors", save({"w": torch.zeros(2)}, {"sfkit.recipe": "{}"}), read_origin),
     "torch": ("x.pth", torch_file(), read_checkpoint),
     "index": ("x.safetensors.index.json", b'{"weight_map": {"w": "x.safetensors"}}', read_checkpoint),
