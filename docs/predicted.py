@@ -1,4 +1,4 @@
-"""The picture of docs/how_to/predict.md: the overview that ``sfkit predict --check`` writes of a rendered pair.
+"""The picture of docs/how_to/predict.md: the overview that ``sfkit predict --check`` writes of a pair.
 
 .venv/bin/python docs/predicted.py
 """
