@@ -12,6 +12,8 @@ from pathlib import Path
 import pandas as pd
 import torch
 
+from sfkit.files import write_text
+
 RUNS = Path(os.environ.get("SFKIT_EVIDENCE", Path(__file__).parents[1] / "runs" / "evidence"))
 """Where they lie, unless the environment says where."""
 
@@ -64,5 +66,6 @@ class KeptRuns:
             if time.monotonic() > end:
                 break
             began = time.process_time()
-            jobs[name](self.folder).to_csv(self.done(name), index=False)
+            whole = jobs[name](self.folder).to_csv(index=False)
+            write_text(self.done(name), whole)
             print(f"{name}: {time.process_time() - began:.0f} CPU seconds", flush=True)

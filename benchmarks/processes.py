@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
+import resource
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
+
+T = TypeVar("T")
 
 HERE = Path(__file__).parent
 INTERVAL = 0.005  # seconds between two looks at a process's memory
@@ -40,6 +46,18 @@ def call(script: str, *arguments: str) -> Any:
     command = [sys.executable, str(HERE / script), *arguments]
     finished = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
     return json.loads(finished.stdout)
+
+
+def apart(function: Callable[..., T], *arguments: Any, **named: Any) -> T:
+    """Call a function of a module in a new process, which nothing before has warmed up or filled."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
+        return process.submit(function, *arguments, **named).result()
+
+
+def peak_mb() -> float:
+    """The most memory this process has held, in MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)
 
 
 def call_watched(script: str, *arguments: str) -> tuple[Any, Peak]:

@@ -17,12 +17,14 @@ from sfkit.datasets.training_sets import open_training_set
 
 GUIDES = ("eth3d", "cones", "reindeer")
 """Pairs of three data sets: ETH3D, Middlebury 2003 and 2005."""
+SIZE = 256, 512
+"""Height and width in pixels that are cut from the middle of larger images: these reports cost minutes."""
 SEEN = "kitti2012"
 """Its pair belongs to the sources' training images."""
 
 
 def gather(folder: Path) -> tuple[Path, Path]:
-    """Copy the pairs, each in a sub-folder with a name in common use, and its ground truth in pixels.
+    """Copy the pairs, cut to :data:`SIZE`, each in a sub-folder with names in common use.
 
     Returns:
         The folder of :data:`GUIDES`, and that of Motorcycle and of frames of training sets that no source
@@ -48,7 +50,10 @@ def _copied(folder: Path, pairs: Iterable[tuple[str, Pair]]) -> Path:
         own = folder / name
         own.mkdir(parents=True)
         sample = pair.load()
-        write_png(own / "left.png", sample.left[..., ::-1])  # OpenCV's order of colours
-        write_png(own / "right.png", sample.right[..., ::-1])
-        np.save(own / "disp.npy", sample.disparity)
+        height, width = sample.disparity.shape
+        top, start = max(0, height - SIZE[0]) // 2, max(0, width - SIZE[1]) // 2
+        cut = slice(top, top + SIZE[0]), slice(start, start + SIZE[1])
+        write_png(own / "left.png", sample.left[cut][..., ::-1])  # OpenCV's order of colours
+        write_png(own / "right.png", sample.right[cut][..., ::-1])
+        np.save(own / "disp.npy", sample.disparity[cut])
     return folder

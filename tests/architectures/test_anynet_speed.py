@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import runpy
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import pytest
 import torch
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "anynet_speed.py"
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "sections" / "anynet_speed.py"
 
 
 @pytest.fixture(scope="module")
@@ -31,11 +30,7 @@ def test_ratio_is_plain_over_fast(benchmark: dict[str, Any]) -> None:
     assert record.ratio == pytest.approx(3.0)
 
 
-def test_json_is_one_list_of_records(
-    benchmark: dict[str, Any], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_section_has_a_row_a_record(benchmark: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     record = benchmark["Record"](height=256, width=512, threads=1, plain_ms=90.0, fast_ms=30.0)
-    monkeypatch.setitem(benchmark["main"].__globals__, "measure", lambda repeats: [record] * repeats)
-    benchmark["main"](["--json", "--repeats", "2"])
-    expected = {"height": 256, "width": 512, "threads": 1, "plain_ms": 90.0, "fast_ms": 30.0, "ratio": 3.0}
-    assert json.loads(capsys.readouterr().out) == [expected] * 2
+    monkeypatch.setitem(benchmark["section"].__globals__, "measure", lambda: [record])
+    assert "| 256 x 512 | 1 | 90.0 | 30.0 | 3.00 |" in benchmark["section"]()
