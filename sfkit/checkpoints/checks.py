@@ -34,6 +34,7 @@ class TensorSpec:
         aliases: further keys of the same storage, merged once and written under each.
         optional: a source may lack it; its task vector there is zero.
         tolerant: it may be absent or differ in a source (integer buffers); the base's is kept.
+        complex: it is a complex64 buffer, such as a table of rotations: the base's is kept.
     """
 
     key: str
@@ -42,6 +43,7 @@ class TensorSpec:
     aliases: tuple[str, ...] = ()
     optional: bool = False
     tolerant: bool = False
+    complex: bool = False
 
     @property
     def size(self) -> int:
@@ -107,6 +109,7 @@ def check_values(path: Path, key: str, tensor: torch.Tensor) -> None:
     Raises:
         InputError: names the key and counts the values.
     """
+    tensor = torch.view_as_real(tensor) if tensor.is_complex() else tensor
     if not tensor.is_floating_point() or not tensor.numel():
         return
     # Both ends are NaN where any value is; looking at them reads ten times as fast as isfinite of all.
@@ -134,14 +137,22 @@ def check_types(path: Path, found: Mapping[str, torch.Tensor], expected: Iterabl
         tensor = found.get(spec.key)
         if tensor is None:
             continue
-        kind = _not_plain(tensor)
-        if kind is None and spec.kind is not Kind.CONSTANT and tensor.dtype not in WEIGHTS:
-            kind = f"of {str(tensor.dtype).removeprefix('torch.')}"
+        if spec.complex:
+            kind = None if tensor.dtype == torch.complex64 else f"of {_name(tensor)}"
+        else:
+            kind = _not_plain(tensor)
+            if kind is None and spec.kind is not Kind.CONSTANT and tensor.dtype not in WEIGHTS:
+                kind = f"of {_name(tensor)}"
         if kind is not None:
+            expected_types = "complex64" if spec.complex else "float16, bfloat16, float32 or float64"
             raise InputError(
-                f"{path}: {spec.key!r} is {kind}, expected float16, bfloat16, float32 or float64 values: "
-                "convert it where it was trained and save it again"
+                f"{path}: {spec.key!r} is {kind}, expected {expected_types} values: convert it where it was "
+                "trained and save it again"
             )
+
+
+def _name(tensor: torch.Tensor) -> str:
+    return str(tensor.dtype).removeprefix("torch.")
 
 
 def _not_plain(tensor: torch.Tensor) -> str | None:
@@ -152,7 +163,7 @@ def _not_plain(tensor: torch.Tensor) -> str | None:
     if tensor.is_quantized:
         return "quantised"
     if tensor.is_complex() or (tensor.is_floating_point() and tensor.dtype not in WEIGHTS):
-        return f"of {str(tensor.dtype).removeprefix('torch.')}"
+        return f"of {_name(tensor)}"
     return None
 
 

@@ -237,7 +237,8 @@ class PoolOpener:
         if spec.kind is not Kind.CONSTANT or any(fnmatchcase(spec.key, pattern) for pattern in known):
             return False
         differs = spec.key in own and spec.key in theirs and own[spec.key] != theirs[spec.key]
-        return differs and file.tensors[spec.key].is_floating_point()
+        found = file.tensors[spec.key] if differs else None
+        return found is not None and (found.is_floating_point() or found.is_complex())
 
     def _vector(
         self, key: str, file: CheckpointFile, base: CheckpointFile, changed: Sequence[TensorSpec]

@@ -207,17 +207,21 @@ class Pool:
                 "make its pool with sfkit.prepared_for(pool, recipe)"
             )
         self.subset(recipe.sources)
-        self._check_origin(recipe.merged_from or {})
+        self.check_networks(recipe)
         if recipe.blocks != self.blocks:
             raise InputError(
                 f"recipe: has the blocks {', '.join(recipe.blocks)}, expected those of pool {self.name!r}: "
                 f"{', '.join(self.blocks)}"
             )
 
-    def _check_origin(self, merged_from: Mapping[str, str]) -> None:
-        """Refuse a recipe where a name stands for another network here than where it was made."""
+    def check_networks(self, recipe: Recipe) -> None:
+        """Refuse a recipe where a name stands for another network here than where it was made.
+
+        Raises:
+            InputError: names the source, or the base.
+        """
         read = {m.name: m for members in self.origins.values() for m in members} | {"base": self.base}
-        for name, fingerprint in merged_from.items():
+        for name, fingerprint in (recipe.merged_from or {}).items():
             if name in read and read[name].fingerprint != fingerprint:
                 known = next((n for n, m in read.items() if m.fingerprint == fingerprint), None)
                 other = f"; here {known!r} is, were names exchanged?" if known else ""

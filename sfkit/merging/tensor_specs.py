@@ -70,6 +70,7 @@ def _specs(network: nn.Module, architecture: Architecture) -> Iterator[TensorSpe
             aliases=tuple(aliases),
             optional=_matches(name, architecture.optional),
             tolerant=kind is Kind.CONSTANT and not _matches(name, architecture.dead),
+            complex=tensor.dtype == torch.complex64 and name not in parameters,
         )
 
 

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import pytest
 import torch
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
 from torch import nn
 
 from sfkit.architectures import register_architecture
 from sfkit.checkpoints.spec import Member, PoolSpec
-from sfkit.errors import SfkitWarning
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import Pool, open_pool
+from sfkit.merging.dtypes import written_as
+from sfkit.merging.saving import save_merged
 
 
 class Gained(nn.Module):
@@ -56,3 +58,50 @@ def test_a_buffer_that_is_named_is_merged_and_never_scaled(tmp_path: Path) -> No
 def test_a_buffer_that_does_not_matter_is_kept_in_silence(tmp_path: Path) -> None:
     opened = pool(tmp_path, constants=["gain"])
     assert float(opened.merge(opened.equal("a")).network.gain) == 1.0  # type: ignore[arg-type]
+
+
+class Turned(nn.Module):
+    """A level, and rotations that a transformer keeps as complex numbers."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.level = nn.Parameter(torch.zeros(1))
+        self.register_buffer("turns", torch.polar(torch.ones(2), torch.tensor([0.5, 1.0])))
+
+    def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+        return left[:, 0] * 0 + self.level * self.turns.real.sum()
+
+
+def turned(folder: Path, **turns: torch.Tensor) -> Pool:
+    """Sources ``a`` and ``b`` around a base at 1; each has the base's rotations unless given."""
+    folder.mkdir()
+    register_architecture("turned", blocks={"all": ["level"]}, version="1")(Turned)
+    for name, level in {"base": 1.0, "a": 2.0, "b": 4.0}.items():
+        held = turns.get(name, Turned().turns)
+        save_file({"level": torch.tensor([level]), "turns": held}, folder / f"{name}.safetensors")
+    base, *sources = (Member(n, folder / f"{n}.safetensors") for n in ("base", "a", "b"))
+    return open_pool(PoolSpec("turned", "turned", base, tuple(sources)))
+
+
+def test_complex_buffers_are_copied(tmp_path: Path) -> None:
+    pool = turned(tmp_path / "pool")
+    written = load_file(save_merged(pool, pool.uniform(), tmp_path / "m.safetensors"))
+    assert float(written["level"]) == 3.0
+    assert torch.equal(written["turns"], Turned().turns)  # type: ignore[arg-type]
+    half = load_file(save_merged(written_as(pool, "float16"), pool.uniform(), tmp_path / "h.safetensors"))
+    assert half["turns"].dtype == torch.complex64
+    other = Turned().turns * 2  # type: ignore[operator]
+    with pytest.warns(SfkitWarning, match=r"other values than the base in 1 buffers \(turns\)"):
+        turned(tmp_path / "other", a=other)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (torch.tensor([1.0, complex(0, float("nan"))]), "not finite"),
+        (torch.zeros(2, dtype=torch.int8), "of int8"),
+    ],
+)
+def test_complex_buffers_are_checked(tmp_path: Path, value: torch.Tensor, said: str) -> None:
+    with pytest.raises(InputError, match=f"'turns' .*{said}"):
+        turned(tmp_path / "pool", b=value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -145,6 +146,12 @@ def test_recipes_go_in_and_out(inspector: RoutingInspector, evaluator: Evaluator
     assert "the pasted text: not JSON" in tell(inspector, "load", text="{")
     with pytest.raises(InputError, match="holds the source 'c'"):
         inspector.recipe = evaluator.pool.equal("c")
+    other = replace(evaluator.pool.bound(evaluator.pool.equal("a")), merged_from={"a": "of another network"})
+    assert "merged from another 'a'" in tell(inspector, "load", text=other.to_json())
+    assert sfkit.Recipe.from_json(inspector.recipe_json).merged_from == {
+        "base": evaluator.pool.base.fingerprint,
+        "a": evaluator.pool.identity["a"],
+    }
     target = tmp_path / "merged.safetensors"
     assert tell(inspector, "save", path=str(target)) == ""
     assert inspector.saved == str(target)

@@ -10,6 +10,7 @@ from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.workbench import RoutingWorkbench
 from sfkit.editing import EditHistory, SeenByHand
 from sfkit.evaluation.evaluator import Evaluator
+from sfkit.merging import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit_widgets._pictures import (
     disparity_legend,
@@ -44,8 +45,8 @@ def trials_state(trace: RoutingTrace | None) -> State:
     }
 
 
-def draft_state(history: EditHistory) -> State:
-    """The traits that show a draft."""
+def draft_state(history: EditHistory, pool: Pool) -> State:
+    """The traits that show a draft; its JSON names the pool's networks."""
     draft = history.present
     return {
         "weights": [list(row) for row in draft.recipe.weights],
@@ -55,7 +56,7 @@ def draft_state(history: EditHistory) -> State:
         "gone": list(draft.gone),
         "can_undo": bool(history.past),
         "can_redo": bool(history.future),
-        "recipe_json": draft.recipe.to_json(),
+        "recipe_json": pool.bound(draft.recipe).to_json(),
     }
 
 

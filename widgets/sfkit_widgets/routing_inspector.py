@@ -100,7 +100,7 @@ class RoutingInspector(RoutingTraits):
             trial=best if best >= 0 else None,
             scores=state.benchmark_state(bench, None),
             flag=state.flag_text(bench, bench.seen_by_hand()),
-            **state.draft_state(bench.history),
+            **state.draft_state(bench.history, evaluator.pool),
             **state.pair_state(bench.preview),
             **state.look_state(bench.look, bench.preview),
         )
@@ -121,7 +121,7 @@ class RoutingInspector(RoutingTraits):
     @recipe.setter
     def recipe(self, recipe: Recipe) -> None:
         with self.changing():
-            self._edit(self._bench.draft.of(recipe))
+            self._take_on(recipe)
 
     @property
     def pair_score(self) -> float:
@@ -193,7 +193,7 @@ class RoutingInspector(RoutingTraits):
     @command
     def load(self, text: str) -> None:
         """Take on a recipe from its JSON text."""
-        self._edit(self._bench.draft.of(Recipe.from_json(text, where="the pasted text")))
+        self._take_on(Recipe.from_json(text, where="the pasted text"))
 
     @command
     def scrub(self, trial: int, gesture: str | None = None) -> None:
@@ -245,6 +245,11 @@ class RoutingInspector(RoutingTraits):
         """
         self.saved = str(save_merged(self._bench.evaluator.pool, self.recipe, path))
 
+    def _take_on(self, recipe: Recipe) -> None:
+        draft = self._bench.draft.of(recipe)
+        self._bench.evaluator.pool.check_networks(recipe)
+        self._edit(draft)
+
     def _edit(self, draft: RoutingDraft, gesture: str | None = None) -> None:
         self._go(self._bench.history.edit(draft, gesture))
 
@@ -253,7 +258,7 @@ class RoutingInspector(RoutingTraits):
         bench = self._bench
         moved = history.present.recipe != bench.recipe
         bench.history = history
-        self._set(**state.draft_state(history))
+        self._set(**state.draft_state(history, bench.evaluator.pool))
         if moved:
             self._set(trial=None, saved="")
             self._show_scores()
