@@ -35,6 +35,7 @@ def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:
     assert "runs/0" in Path("runs.html").read_text(encoding="utf-8")
 
     text, _ = shell("runs show runs/0")
+    assert shell("show runs/0")[0] == text, "a search's folder shows itself"
     (line,) = (line for line in text.splitlines() if line.startswith("Stage 2: finished"))
     assert f"best {found[0]['score']:.4f} (" in line
     differences = {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tiny import write_pairs
 
@@ -61,3 +62,17 @@ def test_whole_folders_say_nothing(tmp_path: Path) -> None:
     (root / "notes").mkdir()
     (root / "notes" / "read.txt").write_text("nothing to see")
     assert len(open_benchmark("pairs", root)) == 2
+
+
+KITTI = "P0: 7.2e+02 0 6.1e+02 0 0 7.2e+02 1.7e+02 0 0 0 1 0\nTr: 1 0 0 0\n"
+NO_OFFSET = "cam0=[7e2 0 0; 0 7e2 0; 0 0 1]\nbaseline=100\n"
+
+
+@pytest.mark.parametrize("text", [KITTI, NO_OFFSET, "", "\0"])
+def test_a_calibration_that_decides_no_score_keeps_nobody_from_scoring(tmp_path: Path, text: str) -> None:
+    """Of KITTI, without ``doffs``, or none at all: cameras give depth, and scores are of disparity."""
+    root = write_pairs(tmp_path, 1)
+    plain = open_benchmark("pairs", root).pairs[0].load()
+    (root / "pair0" / "calib.txt").write_text(text)
+    sample = open_benchmark("pairs", root).pairs[0].load()
+    assert np.array_equal(sample.disparity, plain.disparity, equal_nan=True)

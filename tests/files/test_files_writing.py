@@ -90,3 +90,23 @@ def test_shipped_folders_lie_inside_a_wheel_or_beside_a_checkout(
     assert files.shipped("notebooks", "notebook_files") == tmp_path / "notebooks"
     (tmp_path / "sfkit" / "notebook_files").mkdir(parents=True)
     assert files.shipped("notebooks", "notebook_files") == tmp_path / "sfkit" / "notebook_files"
+
+
+def test_what_keeps_a_file_from_being_read_is_said_as_what_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder and a file without permission used to be "no such file"."""
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    assert files.trouble(tmp_path / "file") is None
+    assert files.trouble(tmp_path / "folder") == "is a folder"
+    assert files.trouble(tmp_path / "absent") == "no such file"
+    assert files.trouble(Path("a\0b")) == "is no name that a file can have"
+    monkeypatch.setattr(os, "access", lambda *_: False)  # root may read anything
+    assert files.trouble(tmp_path / "file") == "may not be read by this user"
+
+
+def test_a_temporary_name_cannot_be_foreseen(tmp_path: Path) -> None:
+    with files.fresh_beside(tmp_path / "x") as one, files.fresh_beside(tmp_path / "x") as two:
+        assert one != two
+        assert len(one.name) > len(".x..part") + 12

@@ -157,6 +157,9 @@ def test_a_missing_optional_part_is_a_zero_task_vector(tmp_path: Path) -> None:
     merged, key = pool.state_dict(pool.equal("a", "b")), "refine_spn.1.weight"
     full = load_file(tmp_path / "a.safetensors")[key]
     assert torch.allclose(merged[key], base[key] + (full - base[key]) / 2, atol=1e-6), "not renormalised"
+    save_file(lacking, tmp_path / "base.safetensors")
+    with pytest.raises(InputError, match=r"base\.safetensors: .*is missing.*spn = false"):
+        open_pool(spec)
 
 
 def test_unchanged_tensors_are_left_out_of_the_buffers(tmp_path: Path) -> None:
