@@ -38,6 +38,13 @@ from sfkit.analysis.overfit import (
     learning_curve,
 )
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
+from sfkit.analysis.predictions import (
+    Calibration,
+    Predictions,
+    calibration,
+    predictions,
+    watched_predictions,
+)
 from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
 from sfkit.analysis.qualitative import qualitative_grid
@@ -74,6 +81,7 @@ __all__ = [
     "Answer",
     "BlockOutputs",
     "BlockProbes",
+    "Calibration",
     "ComparedColumn",
     "ComparedNetwork",
     "Comparison",
@@ -90,6 +98,7 @@ __all__ = [
     "OutlierRegion",
     "PopulationHistory",
     "PopulationSizes",
+    "Predictions",
     "Ranking",
     "RegionScores",
     "Retraining",
@@ -112,6 +121,7 @@ __all__ = [
     "advantage_table",
     "block_modules",
     "block_probes",
+    "calibration",
     "compare_methods",
     "compare_networks",
     "contenders",
@@ -144,6 +154,7 @@ __all__ = [
     "paired_difference",
     "population_history",
     "population_sizes",
+    "predictions",
     "probe_recipes",
     "publish_table",
     "qualitative_grid",
@@ -183,6 +194,7 @@ __all__ = [
     "validation_sets",
     "verdict",
     "watched_population",
+    "watched_predictions",
     "watched_routing",
     "with_references",
     "worth",

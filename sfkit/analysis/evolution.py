@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sfkit.errors import InputError
 from sfkit.search.journal import JournalledSearch, journalled_score
+from sfkit.search.operators import SMALLEST
 from sfkit.search.subset import SubsetSearch
 
 
@@ -164,7 +165,7 @@ class Evolution:
         sizes: G triples: sources in the smallest subset of a population, their mean, and the largest.
         diversity: G numbers in [0, 1]: the mean Jaccard distance (1 - shared / joint sources) of two
             individuals of a population; 0 where all are the same subset.
-        archive: numbers of the unique candidates with a finite score, best first.
+        archive: numbers of the unique candidates of two sources or more with a finite score, best first.
     """
 
     history: PopulationHistory
@@ -240,7 +241,8 @@ def _archive(known: Iterable[Individual]) -> tuple[int, ...]:
     first: dict[tuple[str, ...], Individual] = {}
     for one in known:
         first.setdefault(one.subset, one)
-    return tuple(one.number for one in sorted(first.values(), key=_rank) if math.isfinite(one.score))
+    subsets = (one for one in first.values() if len(one.subset) >= SMALLEST and math.isfinite(one.score))
+    return tuple(one.number for one in sorted(subsets, key=_rank))
 
 
 def _rank(one: Individual) -> tuple[float, int]:

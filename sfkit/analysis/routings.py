@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sfkit.analysis.drawn_points import LIMIT, drawn_points
 from sfkit.errors import InputError
+from sfkit.search.bayesian_routing import BayesianRoutingSearch
 from sfkit.search.journal import JournalledSearch, journalled_score
 from sfkit.search.routing import RoutingSearch
 
@@ -29,14 +30,15 @@ class RoutingTrace:
         blocks: the B names, in the partition's order.
         gamma: lowest and highest module scale the search allows.
         metric: of the scores, such as ``bad-1.0``; None where it is not known.
-        generation: (n,) the iteration of CMA-ES that made each evaluation; 0 is x = 0 and the start.
+        generation: (n,) the iteration that made each evaluation; 0 is x = 0 and the start.
         score: (n,) the validation metric; ``inf`` where the candidate failed.
         penalised: (n,) what the best is chosen by: score plus penalties, or the held-out score plus
             penalties; ``inf`` where it failed, and for the folds' candidates once their average is scored.
         weights: (n, B, E) routing weights, rows on the simplex.
         scales: (n, B) module scales.
-        sigma: (n,) step size of the distribution each was drawn from.
+        sigma: (n,) step size of the distribution each was drawn from; by a model, the trust region's radius.
         axes: (n, D) standard deviations along its principal axes, ascending.
+        by_model: whether a model proposed the candidates, and not CMA-ES.
     """
 
     sources: tuple[str, ...]
@@ -50,6 +52,7 @@ class RoutingTrace:
     scales: Floats
     sigma: Floats
     axes: Floats
+    by_model: bool = False
 
     def __len__(self) -> int:
         return len(self.score)
@@ -112,6 +115,7 @@ def routing_trace(search: RoutingSearch, *, metric: str | None = None) -> Routin
         scales=np.array([c.recipe.scales for c in candidates]),
         sigma=np.array([c.sigma for c in candidates]),
         axes=np.array([c.axes for c in candidates]),
+        by_model=isinstance(search, BayesianRoutingSearch),
     )
 
 
@@ -148,6 +152,7 @@ def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None 
         scales=np.array([entry["scales"] for entry in entries], dtype=np.float64),
         sigma=np.array([entry["sigma"] for entry in entries], dtype=np.float64),
         axes=np.array(found.axes, dtype=np.float64),
+        by_model=found.by_model,
     )
 
 

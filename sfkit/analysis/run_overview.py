@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -13,6 +14,7 @@ from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
+from sfkit.search.operators import SMALLEST
 from sfkit.search.run_folder import SEARCH
 from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun
 
@@ -73,11 +75,15 @@ def run_overview(run: Run) -> RunOverview:
 
 def _stage(run: StageRun, found: JournalledSearch | None) -> StageOverview:
     candidates = found.candidates if found is not None else ()
-    scores = [journalled_score(candidate) for candidate in candidates]
-    best_so_far = tuple(min(scores[: number + 1]) for number in range(len(scores)))
+    best_so_far = tuple(itertools.accumulate(map(_competing, candidates), min))
     if found is None or found.kind == "routing":
         return StageOverview(run, best_so_far, {}, _routes(found, candidates) if found is not None else ())
     return StageOverview(run, best_so_far, source_importance(found.sources, candidates), ())
+
+
+def _competing(entry: Mapping[str, Any]) -> float:
+    """A candidate's score; infinite for a source alone, which teaches a model and wins nothing."""
+    return journalled_score(entry) if len(entry["subset"]) >= SMALLEST else math.inf
 
 
 def recorded_metrics(path: Path) -> str | None:
@@ -109,7 +115,7 @@ def source_importance(sources: Sequence[str], candidates: Sequence[Mapping[str, 
 
     It says what the archive knows, no more: a subset that was never scored may do better.
     """
-    scored = [(set(entry["subset"]), journalled_score(entry)) for entry in candidates]
+    scored = [(set(entry["subset"]), _competing(entry)) for entry in candidates]
     best = min((score for _, score in scored), default=math.inf)
     if math.isinf(best):
         return {}

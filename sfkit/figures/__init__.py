@@ -14,6 +14,7 @@ from sfkit.figures.geometry import geometry_figure
 from sfkit.figures.growth import population_sizes_figure
 from sfkit.figures.interpolation import interpolation_figure
 from sfkit.figures.overfit import learning_figure
+from sfkit.figures.predictions import calibration_figure, predictions_figure
 from sfkit.figures.probes import probes_figure
 from sfkit.figures.qualitative import qualitative_figure
 from sfkit.figures.ranking import ranking_figure
@@ -29,6 +30,7 @@ __all__ = [
     "Theme",
     "advantage_figure",
     "benchmark_comparison_figure",
+    "calibration_figure",
     "cmaes_figure",
     "comparison_figure",
     "cost_figure",
@@ -40,6 +42,7 @@ __all__ = [
     "method_cost_figure",
     "population_figure",
     "population_sizes_figure",
+    "predictions_figure",
     "probes_figure",
     "qualitative_figure",
     "ranking_figure",

@@ -1,4 +1,4 @@
-"""Stage 2: is CMA-ES still moving? Score, step size and axis lengths of its search distribution."""
+"""Stage 2: is it still moving? Score, and where it looks: CMA-ES's distribution, a model's trust region."""
 
 from __future__ import annotations
 
@@ -17,6 +17,8 @@ from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
 def cmaes_figure(trace: RoutingTrace, *, theme: str = "auto", height: int = 620) -> go.Figure:
     """Draw scores, step size and axis lengths over the evaluations of a Stage 2 search.
 
+    Of a search by a model it draws scores and the radius of its trust region.
+
     Args:
         trace: from :func:`~sfkit.analysis.routings.routing_trace`.
         theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
@@ -25,19 +27,23 @@ def cmaes_figure(trace: RoutingTrace, *, theme: str = "auto", height: int = 620)
     Raises:
         InputError: an unknown theme.
     """
-    figure = make_subplots(rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=[3, 2, 2])
+    panels = [
+        ("trust region's radius (in x)" if trace.by_model else "step size σ (in x)", trace.sigma),
+        *([] if trace.by_model else [("axis lengths (in x)", trace.axes)]),
+    ]
+    rows = 1 + len(panels)
+    heights = [3, 2, 2][:rows]
+    figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=heights)
     _scores(figure, trace)
     _step_size(figure, trace)
-    _axis_lengths(figure, trace, LOOKS[read_theme(theme)].muted)
+    if not trace.by_model:
+        _axis_lengths(figure, trace, LOOKS[read_theme(theme)].muted)
     figure.update_yaxes(title_text=metric_label(trace.metric), row=1, col=1)
-    for row, title, values in (
-        (2, "step size σ (in x)", trace.sigma),
-        (3, "axis lengths (in x)", trace.axes),
-    ):
+    for row, (title, values) in enumerate(panels, start=2):
         ticks = log_ticks(values.ravel().tolist())
         labels = [f"{tick:.3g}" for tick in ticks]
         figure.update_yaxes(title_text=title, type="log", tickvals=ticks, ticktext=labels, row=row, col=1)
-    figure.update_xaxes(title_text="evaluation (number)", row=3, col=1)
+    figure.update_xaxes(title_text="evaluation (number)", row=rows, col=1)
     return finish(
         figure,
         theme=theme,
@@ -71,7 +77,7 @@ def _step_size(figure: go.Figure, trace: RoutingTrace) -> None:
         2,
         first,
         sigma,
-        "step size σ",
+        "radius" if trace.by_model else "step size σ",
         "lines",
         line={"color": ACCENT, "width": 2, "shape": "hv"},
         legend=False,

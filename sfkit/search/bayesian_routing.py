@@ -83,7 +83,7 @@ class ProposedRouting(RoutingCandidate):
     """A vector, its recipe, and what the model said of it before.
 
     Attributes:
-        prediction: of the penalised score; None where no model proposed it.
+        prediction: of the score, the bound with the penalties; None where no model proposed it.
     """
 
     prediction: Prediction | None = None

@@ -194,6 +194,11 @@ class JournalledSearch:
         return dict(self.start["settings"])
 
     @property
+    def by_model(self) -> bool:
+        """Whether a model proposes its candidates; a journal from before it said so is of the paper's."""
+        return self.start.get("method") == "bayesian"
+
+    @property
     def most(self) -> int:
         """The most candidates of Stage 1; a journal from before it said so is of the paper's search."""
         if "most" in self.start:

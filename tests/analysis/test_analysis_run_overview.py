@@ -54,7 +54,9 @@ def test_one_search_at_a_glance(folder: Path) -> None:
     assert [route.number for route in second.routes] == [0, 2], "what failed has no place on the axes"
     assert second.routes[1].weights == {"a": 0.0, "b": 0.5, "c": 0.5}
     assert second.routes[1].scales == {NAME: 3.0}
-    assert source_importance(("a",), [{"subset": ("a",), "score": None}]) == {}
+    assert source_importance(("a",), [{"subset": ("a", "b"), "score": None}]) == {}
+    alone = [{"subset": ("c",), "score": 0.5}, *({"subset": s, "score": v} for s, v in SUBSETS)]
+    assert source_importance(("a", "b", "c"), alone) == first.importance, "a source alone wins nothing"
 
 
 class Page(HTMLParser):

@@ -31,6 +31,7 @@ from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory, summarise
 from sfkit.analysis.growth import PopulationSizes
 from sfkit.analysis.overfit import LearningCurve
+from sfkit.analysis.predictions import Predictions, calibration
 from sfkit.analysis.ranking import Ranking, agreement
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
@@ -84,6 +85,14 @@ def trace(*, tied: bool = True, evaluations: int = 12) -> RoutingTrace:
         sigma=0.5 / (1 + np.arange(evaluations) // 4),
         axes=np.sort(rng.uniform(0.1, 0.5, (evaluations, 5))),
     )
+
+
+def told() -> Predictions:
+    """Six proposals: two measured as predicted, three apart by 1, 2 and 3 deviations, one that failed."""
+    mean, sd = np.linspace(20.0, 15.0, 6), np.full(6, 0.5)
+    score = mean + sd * [0.0, 1.0, -2.0, 0.0, 3.0, math.inf]
+    best = np.array([math.inf, 20.0, 19.5, 17.0, 17.0, 17.0])
+    return Predictions("bad-1.0", np.arange(3, 9), mean, sd, mean - 2.5 * sd, score, best, learned=2)
 
 
 def grid() -> ScoreGrid:
@@ -277,6 +286,9 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "routing by block": lambda theme: figures.routing_figure(trace(tied=False), theme=theme),
     "scales": lambda theme: figures.scales_figure(trace(), theme=theme),
     "cmaes": lambda theme: figures.cmaes_figure(trace(), theme=theme),
+    "trust region": lambda theme: figures.cmaes_figure(replace(trace(), by_model=True), theme=theme),
+    "predictions": lambda theme: figures.predictions_figure(told(), theme=theme),
+    "calibration": lambda theme: figures.calibration_figure(calibration(told()), theme=theme),
     "scores": lambda theme: figures.scores_figure(grid(), theme=theme),
     "learning by pairs": lambda theme: figures.learning_figure(curve(), theme=theme),
     "learning by evaluations": lambda theme: figures.learning_figure(curve("evaluations"), theme=theme),
