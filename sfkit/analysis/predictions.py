@@ -14,6 +14,8 @@ from scipy.special import bdtr
 
 from sfkit.errors import InputError
 from sfkit.search.base import Search
+from sfkit.search.bayesian_routing import BayesianRoutingSearch
+from sfkit.search.bayesian_subset import BayesianSubsetSearch
 from sfkit.search.journal import JournalledSearch, journalled_score
 from sfkit.search.operators import SMALLEST
 from sfkit.search.subset import SubsetSearch
@@ -38,6 +40,7 @@ class Predictions:
         score: (n,) measured; ``inf`` where the candidate failed.
         best: (n,) the best the search had found before each; ``inf`` where nothing.
         learned: evaluations of other searches that the model knew from the beginning.
+        by_model: whether a model proposes at all.
     """
 
     metric: str | None
@@ -48,6 +51,7 @@ class Predictions:
     score: Floats
     best: Floats
     learned: int
+    by_model: bool = True
 
     def __len__(self) -> int:
         return len(self.number)
@@ -102,8 +106,10 @@ def predictions(search: Search[Any], *, metric: str | None = None) -> Prediction
         search: of either stage.
         metric: what the scores are, for labels.
     """
+    if not isinstance(search, BayesianSubsetSearch | BayesianRoutingSearch):
+        return _told(search.kind, [], metric, None)
     entries = [candidate.as_record() for candidate in search.candidates]
-    return _told(search.kind, entries, metric, len(getattr(search, "known", ())))
+    return _told(search.kind, entries, metric, search.known)
 
 
 def watched_predictions(
@@ -120,7 +126,8 @@ def watched_predictions(
         InputError: the journal holds no generation of that search.
     """
     found = JournalledSearch.begun(records, search)
-    return _told(found.kind, found.candidates, metric, len(found.start.get("known", ())))
+    known = found.start.get("known", ()) if found.by_model else None
+    return _told(found.kind, found.candidates, metric, known)
 
 
 def calibration(told: Predictions, levels: Sequence[float] = LEVELS) -> Calibration:
@@ -160,21 +167,33 @@ def calibration(told: Predictions, levels: Sequence[float] = LEVELS) -> Calibrat
     )
 
 
-def _told(kind: str, entries: Sequence[Mapping[str, Any]], metric: str | None, learned: int) -> Predictions:
+def _told(
+    kind: str, entries: Sequence[Mapping[str, Any]], metric: str | None, known: Sequence[object] | None
+) -> Predictions:
     rows: list[tuple[float, ...]] = []
     best = math.inf
     for entry in entries:
         score = journalled_score(entry)
-        if (mean := entry.get("predicted_mean")) is not None and math.isfinite(mean):
-            told = float(mean), float(entry["predicted_sd"]), float(entry["acquisition"])
+        if (expected := entry.get("predicted_mean")) is not None and math.isfinite(expected):
+            told = float(expected), float(entry["predicted_sd"]), float(entry["acquisition"])
             rows.append((entry["candidate"], *told, score, best))
         if kind != SubsetSearch.kind:
             score = journalled_score(entry, "penalised")
         elif len(entry["subset"]) < SMALLEST:  # a source alone teaches the model and wins nothing
             continue
         best = min(best, score)
-    columns = np.array(rows, dtype=np.float64).reshape(len(rows), 6).T
-    return Predictions(metric, columns[0].astype(np.int64), *columns[1:], learned=learned)
+    number, mean, sd, bound, measured, before = np.array(rows, dtype=np.float64).reshape(len(rows), 6).T
+    return Predictions(
+        metric=metric,
+        number=number.astype(np.int64),
+        mean=mean,
+        sd=sd,
+        bound=bound,
+        score=measured,
+        best=before,
+        learned=len(known or ()),
+        by_model=known is not None,
+    )
 
 
 def _honest(level: float, count: int) -> tuple[float, float]:

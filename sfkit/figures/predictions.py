@@ -16,7 +16,7 @@ from sfkit.errors import InputError
 from sfkit.figures.axes import FAILED_NAME, beyond
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
 
-BAND = "rgba(43,123,211,0.16)"
+BAND = "rgba(43,123,211,0.22)"
 WITHIN = 1.96
 """Standard deviations to either side that hold 95 of 100 values of a normal distribution."""
 

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sfkit import Journal, Outcome, Recipe, RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
+from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 
 SOURCES = ("haze", "indoor", "night", "rain", "street")
 BLOCKS = ("backbone", "volume", "head")
@@ -55,6 +57,21 @@ def subset_search(permits: int = 0, journal: Path | str | None = None) -> tuple[
     settings = SubsetSettings(population=6, generations=5, seed=4)
     written = None if journal is None else Journal(journal)
     return SubsetSearch(SOURCES, BLOCKS, scorer, settings, journal=written), scorer
+
+
+def searches_by_model(
+    journal: Path | str | None = None,
+) -> tuple[BayesianSubsetSearch, BayesianRoutingSearch]:
+    """Both stages by a model, of the same formula, done."""
+    scorer = GatedScorer(100)
+    written = None if journal is None else Journal(journal)
+    settings = BayesianSubsetSettings(population=4, generations=6)
+    first = BayesianSubsetSearch(SOURCES, BLOCKS, scorer, settings, journal=written)
+    budget = BayesianRoutingSettings(evaluations=10)
+    second = BayesianRoutingSearch(SOURCES[:3], BLOCKS, scorer, budget, journal=written)
+    first.run()
+    second.run()
+    return first, second
 
 
 def routing_search(

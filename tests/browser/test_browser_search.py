@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from browser_search import SOURCES, routing_search, subset_search
+from browser_search import SOURCES, routing_search, searches_by_model, subset_search
 from browser_stage import Stage, assert_becomes
 from sfkit_widgets import PopulationView, RoutingView, SearchControl
 
@@ -258,15 +258,22 @@ def test_axe_finds_nothing_serious(
     made.append(control := SearchControl(subset_search()[0]))
     progress = {**control.progress, "phase": "failed", "allowed": ["run", "step"]}
     best = {"score": "EPE 3.20 px", "candidate": 3, "sources": list(SOURCES)}
+    which, how = searches_by_model()
+    made += [by_model := PopulationView(which, metric="epe"), routed := RoutingView(how, metric="epe")]
     for widget, state in (
         (control, {"progress": progress, "error": "OSError: the disk is full"}),
         (control, {"progress": {**progress, "phase": "running", "best": best, "allowed": ["pause"]}}),
         (population, {}),
         (routing, {}),
+        (by_model, {}),
+        (routed, {}),
     ):
-        shown = stage(dark=dark)
+        shown = stage(width=800, dark=dark)
         shown.show_state(widget, **state)
-        if widget is population:
+        expects = shown.root.locator(".sfkit-model:not([hidden])")
+        assert expects.locator("figure").count() == (3 if widget in (by_model, routed) else 0)
+        if widget in (population, by_model):
             shown.root.locator("[role=grid] [role=row]").nth(2).hover()
             shown.root.locator("[role=grid] .sfkit-population-chosen").first.wait_for()
+            assert ("Where does it come from?" in shown.root.inner_text()) == (widget is by_model)
         assert shown.findings() == [], type(widget).__name__

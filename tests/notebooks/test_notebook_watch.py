@@ -68,7 +68,10 @@ def test_the_saved_widgets_show_the_last_state(executed: NotebookNode) -> None:
     assert [control["watched"] for control in controls] == [False, False, True, True]
     assert controls[0]["best"] == controls[2]["best"]
     populations = [state["evolution"] for state in shown if "evolution" in state]
-    assert [population["generations"] for population in populations] == [[0, 1, 2]] * 2
+    assert [population["generations"] for population in populations] == [[0, 1, 2]] * 3
+    (model,) = [state["model"] for state in shown if state.get("model")]
+    assert len(model["number"]) == 2
+    assert model["says"].startswith("It knew ")
     traces = [state["trace"] for state in shown if "trace" in state]
     assert [trace["evaluations"] for trace in traces] == [12, 12]
 
@@ -83,7 +86,7 @@ def test_nothing_complained(executed: NotebookNode) -> None:
 @pytest.mark.browser
 def test_the_report_shows_the_widgets_without_a_kernel(browser: Browser, folder: Path) -> None:
     with opened(browser, folder / "report.html") as page:
-        assert page.locator(".widget").count() == 8
+        assert page.locator(".widget").count() == 9
         assert page.locator(".sfkit-control-phase").all_inner_texts() == ["finished"] * 4
         population = page.locator(".sfkit-population").first
         population.locator("[role=grid] [role=row]").first.hover()

@@ -15,13 +15,15 @@ from typing import Any
 
 import pytest
 import traitlets
-from browser_search import SOURCES, routing_search, subset_search
+from browser_search import SOURCES, routing_search, searches_by_model, subset_search
 from sfkit_widgets import PopulationView, RoutingView, SearchControl, watch
 from sfkit_widgets._publisher import PULSE, Publisher
+from sfkit_widgets._sources import JournalSource
 from sfkit_widgets.search_control import ALLOWED, shown_progress
 
 from sfkit import analysis
 from sfkit.errors import InputError
+from sfkit.search.following import FollowedJournal
 from sfkit.search.live import LiveSearch
 from sfkit.search.progress import Phase
 
@@ -153,6 +155,26 @@ def test_the_routing_is_that_of_the_static_figure(made: list[Any], tied: bool) -
     assert shown["sigma"][0] == 0.5
     assert len(shown["axes"]) == search.encoding.dimension
     assert len(shown["axes"][0]) == len(shown["iterations"])
+
+
+def test_what_a_model_expected_is_that_of_the_static_figure_live_and_from_a_journal(
+    made: list[Any], tmp_path: Path
+) -> None:
+    searches = searches_by_model(tmp_path / "journal.jsonl")
+    journal = FollowedJournal(tmp_path)
+    for search, view in zip(searches, (PopulationView, RoutingView), strict=True):
+        made += [own := view(search, metric="epe"), other := view(JournalSource(journal, search.kind, "epe"))]
+        told = analysis.predictions(search, metric="epe")
+        assert own.model == other.model
+        assert json.loads(json.dumps(own.model, allow_nan=False))["number"] == told.number.tolist()
+        assert own.model["mean"] == pytest.approx(told.mean, rel=1e-4)
+        assert own.model["high"] == pytest.approx(told.mean + 1.96 * told.sd, rel=1e-4)
+        share = 100 * analysis.calibration(told, (0.95,)).coverage[0]
+        assert f"hold {share:.0f} % of {told.measured.sum()} measured scores" in own.model["says"]
+        assert "measured (orange), predicted (blue)" in own.sheet().svg()
+    assert made[2].trace["by_model"]
+    made += [paper := PopulationView(subset_search(permits=10)[0])]
+    assert paper.model == {}
 
 
 def test_what_is_sent_is_json_without_nan(made: list[Any]) -> None:

@@ -6,6 +6,7 @@ from abc import abstractmethod
 from typing import Any, Protocol, TypeAlias
 
 from sfkit.analysis.evolution import Evolution, evolution, watched_evolution
+from sfkit.analysis.predictions import Predictions, predictions, watched_predictions
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.errors import InputError
 from sfkit.search.base import Search
@@ -35,6 +36,9 @@ class Source(Protocol):
 
     def trace(self) -> RoutingTrace | None:
         """Stage 2 so far; None before its first evaluation."""
+
+    def predictions(self) -> Predictions | None:
+        """What a model foretold so far; None before the search has begun."""
 
 
 class LiveSource:
@@ -67,6 +71,10 @@ class LiveSource:
             return None
         return routing_trace(search, metric=self.metric)
 
+    def predictions(self) -> Predictions | None:
+        """What a model foretold so far."""
+        return predictions(self.live.search, metric=self.metric)
+
 
 class JournalSource:
     """A search that runs elsewhere; one of a journal's two stages."""
@@ -97,6 +105,12 @@ class JournalSource:
         if self.kind != RoutingSearch.kind or not self._begun():
             return None
         return watched_routing(records, metric=self.metric)
+
+    def predictions(self) -> Predictions | None:
+        """What a model foretold so far; None before the search has begun."""
+        if not self._begun():
+            return None
+        return watched_predictions(self.journal.records(), self.kind, metric=self.metric)
 
     def _begun(self) -> bool:
         return watched_progress(self.journal.records(), self.kind).generation >= 0

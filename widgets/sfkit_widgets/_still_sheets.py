@@ -106,15 +106,15 @@ def control_sheet(progress: Mapping[str, Any]) -> Sheet:
     return sheet
 
 
-def population_sheet(evolution: Mapping[str, Any]) -> Sheet:
-    """Scores by generation, how many individuals have each source, the best subsets."""
+def population_sheet(evolution: Mapping[str, Any], model: Mapping[str, Any]) -> Sheet:
+    """Scores by generation, shares of sources, the best subsets; what a model expected."""
     sheet = Sheet("Population of the subset search")
     if not evolution:
         return _nothing(sheet, "No generation yet.")
     x, people, sources = evolution["generations"], evolution["people"], evolution["sources"]
     half = INNER / 2 - GAP
     lines = [
-        ("median of the population (orange)", x, evolution["median"], ORANGE, False),
+        ("median (orange)", x, evolution["median"], ORANGE, False),
         ("best so far (blue)", x, evolution["best"], BLUE, False),
     ]
     top = sheet.y
@@ -133,11 +133,12 @@ def population_sheet(evolution: Mapping[str, Any]) -> Sheet:
         words = f"{rank}. {one['score']}: {', '.join(sources[e] for e in one['sources'])}"
         sheet.text(MARGIN, sheet.y + 14, words, size=12, room=INNER)
         sheet.y += 19
+    _expected(sheet, model)
     return sheet
 
 
-def routing_sheet(trace: Mapping[str, Any]) -> Sheet:
-    """The best recipe, scores and scales by evaluation."""
+def routing_sheet(trace: Mapping[str, Any], model: Mapping[str, Any]) -> Sheet:
+    """The best recipe, scores and scales by evaluation; what a model expected."""
     sheet = Sheet("Routing search")
     if not trace:
         return _nothing(sheet, "No evaluation yet.")
@@ -160,7 +161,23 @@ def routing_sheet(trace: Mapping[str, Any]) -> Sheet:
     ]
     sheet.chart(trace["metric"], (MARGIN, sheet.y, INNER, 190), lines, "evaluation")
     sheet.y += 196
+    _expected(sheet, model)
     return sheet
+
+
+def _expected(sheet: Sheet, model: Mapping[str, Any]) -> None:
+    """What a model expected of its proposals and what came, where one proposes."""
+    if not model:
+        return
+    x = model["number"]
+    lines = [
+        ("measured (orange)", x, model["score"], ORANGE, True),
+        ("predicted (blue)", x, model["mean"], BLUE, False),
+    ]
+    sheet.chart("What the model expects", (MARGIN, sheet.y + 6, INNER, 180), lines, "candidate")
+    sheet.y += 192 if x else 6
+    sheet.text(MARGIN, sheet.y + 12, model["says"], size=12, room=INNER)
+    sheet.y += 20
 
 
 def _nothing(sheet: Sheet, words: str) -> Sheet:

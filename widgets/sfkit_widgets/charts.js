@@ -21,6 +21,7 @@ import {
  * @property {boolean} [dots] dots in place of a line
  * @property {boolean} [step] hold each value until the next
  * @property {number} [width] of the line in pixels
+ * @property {[(number | null)[], (number | null)[]]} [band] ends of a range around y
  * @property {boolean} [quiet] not in the legend
  * @property {string} [help] what it is, said where the pointer rests on its name
  */
@@ -32,6 +33,7 @@ import {
  * @property {string} [xHelp] the same of x
  * @property {string} xName what x counts, such as "generation"
  * @property {number[]} x ascending
+ * @property {boolean} [xWhole] false where x has fractions
  * @property {Series[]} series
  * @property {number} [height] in pixels
  * @property {number} [width] in pixels; showCharts gives it
@@ -86,7 +88,7 @@ export function onWidth(watched, callback, signal) {
  */
 export function lineChart(chart) {
   const { width = WIDTH, height = 130 } = chart;
-  const values = chart.series.flatMap(({ y }) => y).filter((value) => value !== null);
+  const values = chart.series.flatMap(({ y, band = [] }) => [y, ...band].flat()).filter((value) => value !== null);
   const range = chart.range ?? spread(values, chart.log ?? false);
   const toX = linear([chart.x[0] ?? 0, chart.x.at(-1) ?? 1], [LEFT, width - RIGHT]);
   const toY = scale(range, [height - BOTTOM, TOP], chart.log ?? false);
@@ -145,7 +147,7 @@ export function svg(tag, attributes = {}, ...children) {
 function axes(chart, range, toX, toY, { width, height }) {
   const [low, high] = range;
   const rows = chart.yTicks ?? (chart.log ? logTicks(low, high, 4) : ticks(low, high, 4));
-  const columns = chart.x.length ? ticks(chart.x[0], chart.x[chart.x.length - 1], 8, true) : [];
+  const columns = chart.x.length ? ticks(chart.x[0], chart.x[chart.x.length - 1], 8, chart.xWhole ?? true) : [];
   const parts = rows.flatMap((value) => [
     svg("line", { x1: LEFT, x2: width - RIGHT, y1: toY(value), y2: toY(value), class: "sfkit-chart-rule" }),
     svg("text", { x: LEFT - 6, y: toY(value) + 4, class: "sfkit-chart-y" }, numberText(value)),
@@ -174,13 +176,32 @@ function drawn(series, x, toX, toY) {
     for (const dot of dots) dot.setAttribute("class", "sfkit-chart-dot");
     return dots;
   }
+  const band = series.band ? [bandOf(series.band, series.colour, x, toX, toY)] : [];
   const line = svg("path", {
     d: linePath(points, series.step ?? false),
     class: "sfkit-chart-line",
     style: `stroke: ${series.colour}; stroke-width: ${series.width ?? 2}`,
     "stroke-dasharray": DASH_PATTERNS[series.dash ?? ""] ?? null,
   });
-  return known.length === 1 ? [line, ...dots] : [line];
+  return known.length === 1 ? [...band, line, ...dots] : [...band, line];
+}
+
+/**
+ * The area between two lines.
+ * @param {[(number | null)[], (number | null)[]]} ends
+ * @param {string} colour
+ * @param {number[]} x
+ * @param {Scale} toX
+ * @param {Scale} toY
+ */
+function bandOf([low, high], colour, x, toX, toY) {
+  const along = (/** @type {(number | null)[]} */ y) =>
+    x.flatMap((value, n) => (y[n] == null ? [] : [`${toX(value)},${toY(y[n])}`]));
+  return svg("polygon", {
+    points: [...along(high), ...along(low).reverse()].join(" "),
+    class: "sfkit-chart-band",
+    style: `fill: ${colour}`,
+  });
 }
 
 /**

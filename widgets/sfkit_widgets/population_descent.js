@@ -1,6 +1,7 @@
 // Beside the individuals: where one comes from and what came of it, and the best subsets of all.
 
 import { element } from "./_shared.js";
+import { foretold } from "./model_panel.js";
 import { marks } from "./population_grid.js";
 
 /** @typedef {import("./population_shares.js").Evolution} Evolution */
@@ -10,16 +11,22 @@ import { marks } from "./population_grid.js";
  * @param {Evolution} now
  * @param {number | null} number who is looked at
  * @param {(number: number) => void} jump go to the generation where an individual first is
+ * @param {Partial<import("./model_panel.js").Model>} model empty where individuals are bred
  */
-export function descentPanel(now, number, jump) {
+export function descentPanel(now, number, jump, model = {}) {
   const person = now.people[number ?? -1];
+  const proposed = model.number !== undefined;
   const panel = element("section", { class: "sfkit-population-descent", "aria-label": "Descent" });
-  panel.append(element("h4", {}, "Who descends from whom?"));
+  panel.append(element("h4", {}, proposed ? "Where does it come from?" : "Who descends from whom?"));
   if (!person || number === null) {
     panel.append(element("p", { class: "sfkit-population-hint" }, "Point at an individual, or move to it."));
     return panel;
   }
   panel.append(line(now, number, "candidate", null), element("p", {}, made(person)));
+  if (proposed) {
+    panel.append(element("p", {}, foretold(model, number)));
+    return panel;
+  }
   for (const parent of person.parents) panel.append(line(now, parent, "parent", jump));
   const children = offspring(now.people, number);
   panel.append(element("p", {}, offspringText(now, children)));
@@ -39,6 +46,14 @@ export function archivePanel(now, jump) {
   return panel;
 }
 
+/** @type {Record<string, string>} How candidates of a search by a model come about. */
+const PROPOSED = {
+  all: "All sources together, before there was a model",
+  known: "Scored before this search",
+  model: "Proposed by the model",
+  single: "A source alone, for the model to learn from",
+};
+
 /**
  * How an individual came about.
  * @param {Pick<Person, "operators" | "parents">} person
@@ -46,6 +61,7 @@ export function archivePanel(now, jump) {
 export function made({ operators, parents }) {
   const [first, ...then] = operators;
   const after = then.length ? `, then ${then.join(", then ")}` : "";
+  if (PROPOSED[first]) return `${PROPOSED[first]}.`;
   if (first === "start") return `Given to start from${after}.`;
   if (!parents.length) return `Drawn at ${first ?? "random"}${after}.`;
   const from = parents.length > 1 ? parents.join(" and ") : `${parents[0]}`;

@@ -2,6 +2,7 @@
 
 import { element, mount } from "./_shared.js";
 import { onWidth, showCharts } from "./charts.js";
+import { modelPanel } from "./model_panel.js";
 import { descentPanel, archivePanel } from "./population_descent.js";
 import { populationGrid } from "./population_grid.js";
 import { shareTable, sourceColumns } from "./population_shares.js";
@@ -30,7 +31,9 @@ function render(host) {
   const people = element("div", {});
   const side = element("div", { class: "sfkit-population-side" });
   const left = element("div", {}, shares, bar, people);
-  const content = element("div", { class: "sfkit-population-content" }, left, element("div", {}, charts, side));
+  const right = element("div", {}, charts, side);
+  const model = modelPanel();
+  const content = element("div", { class: "sfkit-population-content" }, left, right, model.part);
   body.append(empty, content);
 
   // What one looks at is each view's own; the latest generation until another is chosen.
@@ -62,7 +65,7 @@ function render(host) {
 
   function drawSide() {
     const now = state();
-    side.replaceChildren(descentPanel(now, chosen, jump), archivePanel(now, jump));
+    side.replaceChildren(descentPanel(now, chosen, jump, host.model.get("model")), archivePanel(now, jump));
   }
 
   function drawAll() {
@@ -83,10 +86,11 @@ function render(host) {
     shares.replaceChildren(shareTable(now, at, choose));
     showCharts(charts, timeCharts(now, at, choose));
     grid.draw(now, at, chosen);
+    model.draw(host.model.get("model"), jump);
     drawSide();
   }
 
-  watch("evolution", drawAll);
+  watch(["evolution", "model"], drawAll);
   onWidth(root, drawAll, signal);
   return close;
 }

@@ -14,6 +14,7 @@ from sfkit.analysis.labels import metric_label
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style
+from sfkit_widgets._model_state import shown_predictions
 from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
 from sfkit_widgets._still_sheets import population_sheet
@@ -45,6 +46,13 @@ class PopulationView(SearchView):
     - Default: `{}`
     """
 
+    model = traitlets.Dict().tag(sync=True)
+    """What a model foretold of its proposals, and what came; see :func:`shown_predictions`.
+
+    - Type: `dict[str, Any]`, scores in the metric's unit
+    - Default: `{}`: no model proposes
+    """
+
     def __init__(
         self, search: Watchable, *, archive: int = 8, metric: str | None = None, **settings: Any
     ) -> None:
@@ -55,11 +63,12 @@ class PopulationView(SearchView):
 
     def sheet(self) -> Sheet:
         """Scores, shares of sources and the best subsets so far."""
-        return population_sheet(self.evolution)
+        return population_sheet(self.evolution, self.model)
 
     def _show(self) -> None:
         found = self._source.evolution()
         self.evolution = {} if found is None else shown_evolution(found, self._archive)
+        self.model = shown_predictions(self._source.predictions())
 
 
 def shown_evolution(found: Evolution, archive: int) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import { element, mount, standsUpright } from "./_shared.js";
 import { explained, legend, onWidth, showCharts } from "./charts.js";
+import { modelPanel } from "./model_panel.js";
 
 /** @typedef {import("./charts.js").Chart} Chart */
 /** @typedef {Omit<Chart, "title" | "series">} Common what charts over evaluations share */
@@ -14,6 +15,7 @@ import { explained, legend, onWidth, showCharts } from "./charts.js";
  * @property {[number, number]} gamma
  * @property {string} metric with its unit
  * @property {boolean} tied
+ * @property {boolean} by_model whether a model proposes, and not CMA-ES
  * @property {number[]} drawn numbers of evaluations
  * @property {number} evaluations
  * @property {(number | null)[]} score
@@ -43,6 +45,8 @@ const HELP = {
   scale: "Factor on a block's merged task vector; 1 takes it as it is",
   distribution: "CMA-ES draws candidates from a normal distribution in x, the weights and scales as it encodes them",
   sigma: "Overall spread of the distribution candidates are drawn from; it shrinks as the search settles",
+  region: "Candidates are looked for around the best so far; the region grows while better ones are found there",
+  radius: "Standard deviation of draws around the best, in x, the weights and scales as they are encoded",
   axes:
     "Spread along each main axis of the distribution, shortest to longest: far apart where some directions matter " +
     "more than others",
@@ -65,6 +69,7 @@ function render(host) {
   const [weightsHead, scalesHead, distributionHead] = [1, 2, 3].map(() =>
     element("div", { class: "sfkit-routing-section", role: "heading", "aria-level": 4 }),
   );
+  const model = modelPanel();
   const content = element(
     "div",
     { class: "sfkit-routing-content" },
@@ -75,6 +80,7 @@ function render(host) {
     scales,
     distributionHead,
     distribution,
+    model.part,
   );
   body.append(empty, content);
 
@@ -116,11 +122,12 @@ function render(host) {
     const ofScales = scaleCharts(now, common);
     scalesHead.replaceChildren(explained("Module scales (factor)", HELP.scale), ...ofScales[0].series.map(legend));
     showCharts(scales, ofScales.map(quiet));
-    distributionHead.replaceChildren(explained("Where the search looks", HELP.distribution));
+    distributionHead.replaceChildren(explained("Where the search looks", now.by_model ? HELP.region : HELP.distribution));
     showCharts(distribution, distributionCharts(now, common));
+    model.draw(host.model.get("model"), pick);
   }
 
-  watch("trace", draw);
+  watch(["trace", "model"], draw);
   onWidth(root, draw, signal);
   return close;
 }
@@ -202,7 +209,10 @@ function distributionCharts(now, common) {
     const dash = n === 0 && longest > 0 ? "dash" : "";
     return { name: names[n], y, colour, dash, width: inner(n) ? 0.8 : 2, step: true, quiet: inner(n) };
   };
-  const sigma = [{ name: "σ", y: now.sigma, colour: MARK, step: true, quiet: true }];
+  const sigma = [{ name: now.by_model ? "radius" : "σ", y: now.sigma, colour: MARK, step: true, quiet: true }];
+  if (now.by_model) {
+    return [{ ...iterations, title: "Radius of the trust region (in x)", help: HELP.radius, series: sigma }];
+  }
   return [
     { ...iterations, title: "Step size σ (in x)", help: HELP.sigma, series: sigma },
     { ...iterations, title: "Axis lengths (in x)", help: HELP.axes, series: now.axes.map(axis) },

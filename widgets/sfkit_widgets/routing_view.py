@@ -13,6 +13,7 @@ from sfkit.analysis.routings import RoutingTrace
 from sfkit.colours import SHARE, colour_at, share_position, text_on
 from sfkit.figures.theme import series_style
 from sfkit_widgets._assets import script, style
+from sfkit_widgets._model_state import shown_predictions
 from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
 from sfkit_widgets._still_sheets import routing_sheet
@@ -43,24 +44,33 @@ class RoutingView(SearchView):
     - Default: `{}`
     """
 
+    model = traitlets.Dict().tag(sync=True)
+    """What a model foretold of its proposals, and what came; see :func:`shown_predictions`.
+
+    - Type: `dict[str, Any]`, scores in the metric's unit
+    - Default: `{}`: no model proposes
+    """
+
     def __init__(self, search: Watchable, *, metric: str | None = None, **settings: Any) -> None:
         super().__init__(source_of(search, metric, kind="routing"), settings)
 
     def sheet(self) -> Sheet:
         """The best recipe so far, and scores by evaluation."""
-        return routing_sheet(self.trace)
+        return routing_sheet(self.trace, self.model)
 
     def _show(self) -> None:
         found = self._source.trace()
         self.trace = {} if found is None else shown_trace(found)
+        self.model = shown_predictions(self._source.predictions())
 
 
 def shown_trace(trace: RoutingTrace) -> dict[str, Any]:
     """What the script draws, as JSON values; None stands for a score that is not finite.
 
-    ``sources``, ``blocks``, ``gamma``, ``metric`` with its unit, ``tied``; ``drawn``, the numbers of at most
-    400 evaluations, and for each of them ``score``, ``text``, ``weights`` (rows of the blocks; one row where
-    they are tied), ``scales`` and ``incumbent`` (position in ``drawn`` of the best so far, or None);
+    ``sources``, ``blocks``, ``gamma``, ``metric`` with its unit, ``tied``, ``by_model``; ``drawn``, the
+    numbers of at most 400 evaluations, and for each of them ``score``, ``text``, ``weights`` (rows of the
+    blocks; one row where they are tied), ``scales`` and ``incumbent`` (position in ``drawn`` of the best so
+    far, or None);
     ``iterations``, numbers of evaluations that begin one, with ``sigma`` and ``axes``; ``best`` (position in
     ``drawn``), ``colours`` of the sources' lines, ``shades`` of the heatmap as [background, text].
     """
@@ -74,6 +84,7 @@ def shown_trace(trace: RoutingTrace) -> dict[str, Any]:
         "gamma": list(trace.gamma),
         "metric": metric_label(trace.metric),
         "tied": trace.tied,
+        "by_model": trace.by_model,
         "drawn": drawn,
         "evaluations": len(trace),
         "score": _finite(trace.score[drawn].tolist()),

@@ -10,6 +10,7 @@ import {
   spread,
   ticks,
 } from "../../../widgets/sfkit_widgets/chart_scales.js";
+import { byPrediction, foretold } from "../../../widgets/sfkit_widgets/model_panel.js";
 import { made, offspring } from "../../../widgets/sfkit_widgets/population_descent.js";
 import { ofIncumbent } from "../../../widgets/sfkit_widgets/routing_view.js";
 import { percent } from "../../../widgets/sfkit_widgets/search_control.js";
@@ -57,6 +58,7 @@ test("an individual's origin is told in words", () => {
   assert.equal(told(["start"], []), "Given to start from.");
   assert.equal(told(["copy", "delete"], [3]), "Copy of 3, then delete.");
   assert.equal(told(["crossover"], [3, 4]), "Crossover of 3 and 4.");
+  assert.equal(told(["model"], []), "Proposed by the model.");
 });
 
 test("offspring name their parent", () => {
@@ -69,4 +71,12 @@ test("the line of the best so far begins with the first score", () => {
 
 test("a bar is never more than full, and full where there is nothing to do", () => {
   assert.deepEqual([percent(1, 3), percent(5, 4), percent(0, 0)], [33.3, 100, 100]);
+});
+
+test("what was expected is told of proposals alone, and set beside what came in its order", () => {
+  const model = { number: [7, 9], mean: [24.356, 23], sd: [0.37991, 1], bound: [23.4062, 22], score: [25, null] };
+  assert.equal(foretold(model, 7), "The model expected 24.36 ± 0.38, and chose it by its bound of 23.41.");
+  assert.equal(foretold(model, 8), "");
+  assert.equal(foretold({}, 8), "");
+  assert.deepEqual(byPrediction(model), { x: [23, 24.356], y: [null, 25] });
 });
