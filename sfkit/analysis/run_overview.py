@@ -16,7 +16,7 @@ from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.operators import SMALLEST
 from sfkit.search.run_folder import SEARCH
-from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun
+from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,74 @@ class RunOverview:
 
     folder: Path
     stages: tuple[StageOverview, ...]
+
+
+@dataclass(frozen=True)
+class ParallelAxes:
+    """Routes as lines over parallel axes, each of which goes from its lowest value to its highest.
+
+    Attributes:
+        names: of the axes: sources' weights, blocks' scales, the score.
+        lows: lowest value on each axis.
+        highs: highest value on each axis.
+        lines: positions of the routes in the order of drawing, the best score last and so on top.
+        best: positions of the best tenth, at least one.
+        values: (routes, axes) where each line crosses each axis.
+    """
+
+    names: tuple[str, ...]
+    lows: tuple[float, ...]
+    highs: tuple[float, ...]
+    lines: tuple[int, ...]
+    best: frozenset[int]
+    values: tuple[tuple[float, ...], ...]
+
+
+def parallel_axes(routes: Sequence[Route]) -> ParallelAxes:
+    """Routes as lines; at least one."""
+    values = tuple((*route.weights.values(), *route.scales.values(), route.score) for route in routes)
+    columns = tuple(zip(*values, strict=True))
+    lines = tuple(sorted(range(len(routes)), key=lambda number: -routes[number].score))
+    return ParallelAxes(
+        names=(*routes[0].weights, *routes[0].scales, "score"),
+        lows=tuple(map(min, columns)),
+        highs=tuple(map(max, columns)),
+        lines=lines,
+        best=frozenset(lines[-max(len(lines) // 10, 1) :]),
+        values=values,
+    )
+
+
+COLUMNS = ("run", "stage", "state", "metric", "best", "subset", "evaluations", "from store", "seconds")
+"""Of the table of all searches."""
+
+
+def run_cells(folder: str, metric: str, stage: StageOverview) -> list[tuple[str, float | str]]:
+    """A row of the table: what each cell says, and what its column is sorted by; infinite where unknown."""
+    run = stage.run
+    score = ("none yet", math.inf) if run.score is None else (f"{run.score:.4f}", run.score)
+    counts = [(f"{run.counts[name]:.0f}", run.counts[name]) for name in ("distinct", "cached", "seconds")]
+    return [
+        (folder, folder),
+        (run.stage, run.stage),
+        (run.state.value, run.state.value),
+        (metric or "not recorded", metric),
+        score,
+        (", ".join(run.subset), len(run.subset)),
+        *counts,
+    ]
+
+
+def overviews(root: Path) -> tuple[tuple[RunOverview, ...], dict[str, str]]:
+    """Every search under a folder, the one written last first; and folder -> metric and unit, where known.
+
+    Raises:
+        InputError: no such folder.
+    """
+    runs = find_runs(root)
+    return tuple(map(run_overview, runs)), {
+        str(run.folder): recorded_metrics(run.folder) or "" for run in runs
+    }
 
 
 def run_overview(run: Run) -> RunOverview:

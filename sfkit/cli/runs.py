@@ -64,17 +64,15 @@ def page(
     Example:
       sfkit runs page runs -o runs.html
     """
-    from sfkit.analysis.run_overview import recorded_metrics, run_overview
+    from sfkit.analysis.run_overview import overviews
     from sfkit.figures.run_page import run_page
     from sfkit.files import write_text
-    from sfkit.search.runs import find_runs
 
     Places().file("--out", out, ".html", force=force)
-    runs = find_runs(root)
+    runs, metrics = overviews(root)
     if not runs:
         raise InputError(f"{root}: no search has left a journal here, expected the folders of searches in it")
-    metrics = {str(run.folder): recorded_metrics(run.folder) or "" for run in runs}
-    write_text(out, run_page([run_overview(run) for run in runs], metrics, f"Searches in {root}"))
+    write_text(out, run_page(runs, metrics, f"Searches in {root}"))
     emit({"page": out, "runs": len(runs)}, f"wrote {out}", as_json=json)
 
 

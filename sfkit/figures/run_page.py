@@ -10,10 +10,16 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 
-from sfkit.analysis.run_overview import Route, RunOverview, StageOverview
+from sfkit.analysis.run_overview import (
+    COLUMNS,
+    Route,
+    RunOverview,
+    StageOverview,
+    parallel_axes,
+    run_cells,
+)
 
 WIDTH, HEIGHT, LEFT, BOTTOM = 420, 170, 54, 24
-_COLUMNS = ("run", "stage", "state", "metric", "best", "subset", "evaluations", "from store", "seconds")
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
@@ -33,7 +39,7 @@ def run_page(overviews: Sequence[RunOverview], metrics: Mapping[str, str], title
         for stage in run.stages:
             rows.append(_row(folder, metric, stage))
             pictures.append(_pictures(stage, metric))
-    heads = "".join(f"<th scope='col'><button>{name}</button></th>" for name in _COLUMNS)
+    heads = "".join(f"<th scope='col'><button>{name}</button></th>" for name in COLUMNS)
     here = files("sfkit.figures")
     return (
         "<!doctype html>\n<html lang='en'><head><meta charset='utf-8'>"
@@ -49,19 +55,7 @@ def run_page(overviews: Sequence[RunOverview], metrics: Mapping[str, str], title
 
 
 def _row(folder: str, metric: str, stage: StageOverview) -> str:
-    run = stage.run
-    cells: list[tuple[str, float | str]] = [
-        (folder, folder),
-        (run.stage, run.stage),
-        (run.state.value, run.state.value),
-        (metric or "not recorded", metric),
-        (
-            "none yet" if run.score is None else f"{run.score:.4f}",
-            math.inf if run.score is None else run.score,
-        ),
-        (", ".join(run.subset), len(run.subset)),
-        *((f"{run.counts[name]:.0f}", run.counts[name]) for name in ("distinct", "cached", "seconds")),
-    ]
+    cells = run_cells(folder, metric, stage)
     return (
         "<tr>"
         + "".join(
@@ -142,20 +136,17 @@ def _importance(importance: Mapping[str, float]) -> str:
 
 
 def _parallel(routes: Sequence[Route]) -> str:
-    names = [*routes[0].weights, *routes[0].scales, "score"]
-    values = [[*route.weights.values(), *route.scales.values(), route.score] for route in routes]
-    lows, highs = [[pick(column) for column in zip(*values, strict=True)] for pick in (min, max)]
-    order = sorted(range(len(routes)), key=lambda number: -routes[number].score)
-    best = set(order[-max(len(order) // 10, 1) :])
+    axes = parallel_axes(routes)
+    names, lows, highs = axes.names, axes.lows, axes.highs
     xs = [24 + (WIDTH - 48) * number / max(len(names) - 1, 1) for number in range(len(names))]
     lines = []
-    for number in order:  # the best are drawn last, on top
+    for number in axes.lines:  # the best are drawn last, on top
         points = " ".join(
             f"{x:.1f},{_y(value, low, (high - low) or 1.0):.1f}"
-            for x, value, low, high in zip(xs, values[number], lows, highs, strict=True)
+            for x, value, low, high in zip(xs, axes.values[number], lows, highs, strict=True)
         )
-        kind = "line" if number in best else "faint"
-        tip = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, values[number], strict=True))
+        kind = "line" if number in axes.best else "faint"
+        tip = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, axes.values[number], strict=True))
         lines.append(
             f"<polyline class='{kind}' points='{points}'>"
             f"<title>{escape(f'evaluation {routes[number].number}: {tip}')}</title></polyline>"

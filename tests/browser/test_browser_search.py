@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from browser_search import SOURCES, routing_search, searches_by_model, subset_search
 from browser_stage import Stage, assert_becomes
-from sfkit_widgets import PopulationView, RoutingView, SearchControl
+from sfkit_widgets import PopulationView, RoutingView, RunTable, SearchControl
 
 pytestmark = pytest.mark.browser
 
@@ -253,12 +254,17 @@ def test_names_of_sources_never_become_markup(stage: Open, population: Populatio
 
 @pytest.mark.parametrize("dark", [False, True])
 def test_axe_finds_nothing_serious(
-    stage: Open, made: list[Any], population: PopulationView, routing: RoutingView, dark: bool
+    stage: Open,
+    made: list[Any],
+    population: PopulationView,
+    routing: RoutingView,
+    dark: bool,
+    tmp_path: Path,
 ) -> None:
     made.append(control := SearchControl(subset_search()[0]))
     progress = {**control.progress, "phase": "failed", "allowed": ["run", "step"]}
     best = {"score": "EPE 3.20 px", "candidate": 3, "sources": list(SOURCES)}
-    which, how = searches_by_model()
+    which, how = searches_by_model(tmp_path / "journal.jsonl")
     made += [by_model := PopulationView(which, metric="epe"), routed := RoutingView(how, metric="epe")]
     for widget, state in (
         (control, {"progress": progress, "error": "OSError: the disk is full"}),
@@ -267,6 +273,7 @@ def test_axe_finds_nothing_serious(
         (routing, {}),
         (by_model, {}),
         (routed, {}),
+        (RunTable(tmp_path), {}),
     ):
         shown = stage(width=800, dark=dark)
         shown.show_state(widget, **state)
@@ -276,4 +283,9 @@ def test_axe_finds_nothing_serious(
             shown.root.locator("[role=grid] [role=row]").nth(2).hover()
             shown.root.locator("[role=grid] .sfkit-population-chosen").first.wait_for()
             assert ("Where does it come from?" in shown.root.inner_text()) == (widget is by_model)
+        if isinstance(widget, RunTable):
+            shown.root.get_by_role("button", name="evaluations").click()
+            assert shown.root.locator("th[aria-sort=ascending]").inner_text() == "evaluations"
+            shown.root.locator("tbody tr").filter(has_text="Stage 2").click()
+            assert shown.root.locator(".sfkit-runs-figure polyline").count() == 10
         assert shown.findings() == [], type(widget).__name__

@@ -5,6 +5,7 @@ from sfkit_widgets.opening import compare, inspect
 from sfkit_widgets.population_view import PopulationView
 from sfkit_widgets.routing_inspector import RoutingInspector
 from sfkit_widgets.routing_view import RoutingView
+from sfkit_widgets.run_table import RunTable
 from sfkit_widgets.search_control import SearchControl
 from sfkit_widgets.watch import SearchWatch, watch
 
@@ -13,6 +14,7 @@ __all__ = [
     "PopulationView",
     "RoutingInspector",
     "RoutingView",
+    "RunTable",
     "SearchControl",
     "SearchWatch",
     "compare",

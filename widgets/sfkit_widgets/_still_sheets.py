@@ -165,6 +165,29 @@ def routing_sheet(trace: Mapping[str, Any], model: Mapping[str, Any]) -> Sheet:
     return sheet
 
 
+def runs_sheet(columns: Sequence[str], rows: Sequence[Mapping[str, Any]], most: int = 20) -> Sheet:
+    """The table of searches, and the best so far of the first."""
+    sheet = Sheet("Searches")
+    if not rows:
+        return _nothing(sheet, "No search has left a journal here.")
+    widths = [0.2, 0.07, 0.08, 0.14, 0.09, 0.2, 0.09, 0.07, 0.06]
+    lefts = [MARGIN + INNER * sum(widths[:n]) for n in range(len(widths))]
+    texts = [list(columns), *([text for text, _ in row["cells"]] for row in rows[:most])]
+    for line, cells in enumerate(texts):
+        for left, width, text in zip(lefts, widths, cells, strict=True):
+            sheet.text(left, sheet.y + 12, text, size=12, bold=line == 0, room=INNER * width - 8)
+        sheet.y += 19
+    if len(rows) > most:
+        sheet.text(MARGIN, sheet.y + 12, f"and {len(rows) - most} more", size=12, colour=MUTED)
+        sheet.y += 19
+    first = rows[0]
+    name = f"{first['cells'][0][0]}, {first['stage']}: best so far"
+    lines = [("best so far", first["numbers"], first["best"], BLUE, False)]
+    sheet.chart(name, (MARGIN, sheet.y + 6, INNER, 180), lines, "candidate")
+    sheet.y += 190
+    return sheet
+
+
 def _expected(sheet: Sheet, model: Mapping[str, Any]) -> None:
     """What a model expected of its proposals and what came, where one proposes."""
     if not model:

@@ -13,6 +13,7 @@ import {
 import { byPrediction, foretold } from "../../../widgets/sfkit_widgets/model_panel.js";
 import { made, offspring } from "../../../widgets/sfkit_widgets/population_descent.js";
 import { ofIncumbent } from "../../../widgets/sfkit_widgets/routing_view.js";
+import { inOrder, onCommonAxis } from "../../../widgets/sfkit_widgets/run_table.js";
 import { percent } from "../../../widgets/sfkit_widgets/search_control.js";
 
 test("ticks are round numbers between the ends", () => {
@@ -79,4 +80,18 @@ test("what was expected is told of proposals alone, and set beside what came in 
   assert.equal(foretold(model, 8), "");
   assert.equal(foretold({}, 8), "");
   assert.deepEqual(byPrediction(model), { x: [23, 24.356], y: [null, 25] });
+});
+
+test("searches share an axis: each holds its best until its last candidate", () => {
+  const rows = [
+    { numbers: [0, 2], best: [null, 3] },
+    { numbers: [1, 4], best: [5, 4] },
+  ];
+  assert.deepEqual(onCommonAxis(rows), { x: [0, 1, 2, 4], ys: [[null, null, 3, null], [null, 5, 5, 4]] });
+});
+
+test("the table sorts by numbers or texts, what is not known last", () => {
+  const rows = [["b", 2], ["a", null], ["c", 10]].map(([name, best]) => ({ cells: [[name, name], ["", best]] }));
+  const names = (column, up) => inOrder(rows, column, up).map(({ cells }) => cells[0][0]).join("");
+  assert.deepEqual([names(0, true), names(0, false), names(1, true), names(1, false)], ["abc", "cba", "bca", "cba"]);
 });
