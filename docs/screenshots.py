@@ -1,16 +1,20 @@
 """Pictures of the widgets on the embedded bank, light and dark: `make screenshots`.
 
-    python docs/screenshots.py [--out docs/images/widgets] [--width 1280] [NAME ...]
+    python docs/screenshots.py [--out docs/images/widgets] [--width 1280 800] [NAME ...]
 
 Each widget stands on a bare page in headless Chromium. What it shows is computed: a short Stage 1 and a short
-Stage 2 search on a few pairs of the validation benchmark.
+Stage 2 search on a few pairs of the validation benchmark. `reopened` is a notebook in JupyterLab as it comes:
+run, saved, and opened again without a kernel.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
+import json
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -19,9 +23,17 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "browser"))
 
 import cv2
 import numpy as np
+from browser_lab import Notebook, serving
 from browser_stage import Stage
 from playwright.sync_api import Browser, sync_playwright
-from sfkit_widgets import DisparityCompare, PopulationView, RoutingInspector, RoutingView, SearchControl
+from sfkit_widgets import (
+    DisparityCompare,
+    PopulationView,
+    RoutingInspector,
+    RoutingView,
+    RunTable,
+    SearchControl,
+)
 from sfkit_widgets._base import SfkitWidget
 
 import sfkit
@@ -44,11 +56,24 @@ class Scenes:
         return sfkit.Evaluator(sfkit.open_pool("bank"), sfkit.open_benchmark("bank:courtyard", pairs=PAIRS))
 
     @cached_property
+    def runs(self) -> Path:
+        """Where the searches leave their journals."""
+        return Path(tempfile.mkdtemp())
+
+    def journal(self, name: str) -> sfkit.Journal:
+        """The journal of one search, beside what says how it is scored."""
+        folder = self.runs / name
+        folder.mkdir(exist_ok=True)
+        (folder / "search.json").write_text(json.dumps({"metrics": [str(self.scorer.metric)]}))
+        return sfkit.Journal(folder / "journal.jsonl")
+
+    @cached_property
     def which(self) -> sfkit.SubsetSearch:
         """A short Stage 1."""
         pool = self.scorer.pool
         settings = sfkit.SubsetSettings(population=12, generations=4)
-        search = sfkit.SubsetSearch(pool.names, pool.blocks, self.scorer, settings)
+        journal = self.journal("by the paper's method")
+        search = sfkit.SubsetSearch(pool.names, pool.blocks, self.scorer, settings, journal=journal)
         search.run()
         return search
 
@@ -57,7 +82,18 @@ class Scenes:
         """A short Stage 2 over six sources."""
         pool = self.scorer.pool
         settings = sfkit.RoutingSettings(evaluations=60, tied=False)
-        search = sfkit.RoutingSearch(pool.names[:6], pool.blocks, self.scorer, settings)
+        journal = self.journal("by the paper's method")
+        search = sfkit.RoutingSearch(pool.names[:6], pool.blocks, self.scorer, settings, journal=journal)
+        search.run()
+        return search
+
+    @cached_property
+    def modelled(self) -> sfkit.BayesianSubsetSearch:
+        """A short Stage 1 by a model."""
+        pool = self.scorer.pool
+        settings = sfkit.BayesianSubsetSettings(generations=24)
+        journal = self.journal("by a model")
+        search = sfkit.BayesianSubsetSearch(pool.names, pool.blocks, self.scorer, settings, journal=journal)
         search.run()
         return search
 
@@ -75,6 +111,15 @@ class Scenes:
     def population_view(self) -> SfkitWidget:
         """Stage 1's population."""
         return PopulationView(self.which)
+
+    def population_view_model(self) -> SfkitWidget:
+        """The same by a model."""
+        return PopulationView(self.modelled)
+
+    def run_table(self) -> SfkitWidget:
+        """All these searches."""
+        _ = self.which, self.modelled, self.how
+        return RunTable(self.runs)
 
     def search_control(self) -> SfkitWidget:
         """A Stage 2 search half-way."""
@@ -102,14 +147,25 @@ class Scenes:
         return compare
 
 
-NAMES = ("routing_inspector", "population_view", "search_control", "routing_view", "disparity_compare")
+NAMES = (
+    "routing_inspector",
+    "population_view",
+    "search_control",
+    "routing_view",
+    "disparity_compare",
+    "population_view_model",
+    "run_table",
+)
+REOPENED = "reopened"
+CELLS = ("import sfkit_widgets", "sfkit_widgets.inspect('bank')")
 
 
-POINTED_AT = {"population_view": "[role=grid] .sfkit-population-row:nth-child(3)"}
+_ROW = "[role=grid] .sfkit-population-row:nth-child({})"
+POINTED_AT = {"population_view": _ROW.format(3), "population_view_model": _ROW.format(1)}
 """What the mouse is over, where that shows more."""
 
 
-def take(browser: Browser, widget: SfkitWidget, path: Path, *, width: int, dark: bool) -> None:
+def take(browser: Browser, widget: SfkitWidget, name: str, path: Path, *, width: int, dark: bool) -> None:
     """Write one picture."""
     context = browser.new_context(
         offline=True, color_scheme="dark" if dark else "light", viewport={"width": width, "height": 900}
@@ -118,21 +174,47 @@ def take(browser: Browser, widget: SfkitWidget, path: Path, *, width: int, dark:
     stage.page.add_style_tag(content="body { margin: 0 }")
     stage.show_state(widget)
     stage.page.wait_for_function(SETTLED)
-    if pointed := POINTED_AT.get(path.stem.rpartition("_")[0]):
+    if pointed := POINTED_AT.get(name):
         stage.page.hover(pointed)
     stage.page.evaluate(DRAWN)
-    pixels = cv2.imdecode(np.frombuffer(stage.root.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+    write(stage.root.screenshot(), path)
+    context.close()
+
+
+def write(png: bytes, path: Path) -> None:
+    """A screenshot as WebP."""
+    pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
     coded = [cv2.imencode(".webp", pixels, (cv2.IMWRITE_WEBP_QUALITY, quality))[1] for quality in QUALITIES]
     path.write_bytes(min(coded, key=len).tobytes())
-    context.close()
+    print(path)
+
+
+def take_reopened(browser: Browser, path: Path) -> None:
+    """A notebook with a widget in JupyterLab as it comes: run, saved, opened again without its kernel."""
+    with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "jupyterlab") as server:
+        server.write("reopened.ipynb", CELLS)
+        for again in (False, True):
+            page = browser.new_page(viewport={"width": 1100, "height": 1150})
+            notebook = Notebook(page, server, "reopened.ipynb", "jupyterlab")
+            if not again:
+                notebook.run_all()
+                notebook.save()
+                server.end_kernels()
+                page.close()
+                continue
+            notebook.command("application:toggle-left-area")
+            page.wait_for_function("() => document.querySelector('.sfkit-still img').naturalWidth === 960")
+            page.evaluate(DRAWN)
+            write(page.screenshot(), path)
+            page.close()
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Take the pictures asked for, or all."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("names", nargs="*", choices=[*NAMES, []], help="widgets; all unless named")
+    parser.add_argument("names", nargs="*", choices=[*NAMES, REOPENED, []], help="pictures; all unless named")
     parser.add_argument("--out", type=Path, default=OUT)
-    parser.add_argument("--width", type=int, default=1280, help="of the page, in pixels")
+    parser.add_argument("--width", type=int, nargs="+", default=[1280, 800], help="of the page, in pixels")
     given = parser.parse_args(arguments)
     path = next(filter(None, map(shutil.which, CHROMIUM)), None)
     if path is None:
@@ -143,13 +225,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     scenes = Scenes()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
-        for name in given.names or NAMES:
+        for name in given.names or (*NAMES, REOPENED):
+            if name == REOPENED:
+                take_reopened(browser, given.out / f"{name}.webp")
+                continue
             make: Callable[[], SfkitWidget] = getattr(scenes, name)
             widget = make()
-            for theme in ("light", "dark"):
-                target = given.out / f"{name}_{theme}.webp"
-                take(browser, widget, target, width=given.width, dark=theme == "dark")
-                print(target)
+            for width, theme in itertools.product(given.width, ("light", "dark")):
+                narrow = "" if width == 1280 else f"_{width}"
+                target = given.out / f"{name}{narrow}_{theme}.webp"
+                take(browser, widget, name, target, width=width, dark=theme == "dark")
             widget.close()
         browser.close()
 

@@ -37,13 +37,13 @@ class RunTable(SfkitWidget):
     _esm = script("run_table.js")
     _css = style("charts.css", "run_table.css")
 
-    columns = traitlets.List().tag(sync=True)
+    columns = traitlets.List(traitlets.Unicode()).tag(sync=True)
     """Headings of the table.
 
     - Type: `list[str]`
     """
 
-    rows = traitlets.List().tag(sync=True)
+    rows = traitlets.List(traitlets.Dict()).tag(sync=True)
     """One a stage, see :func:`shown_stage`; the search written last first.
 
     - Type: `list[dict[str, Any]]`, scores in each metric's unit
