@@ -161,7 +161,7 @@ def test_names_that_are_no_text_are_written_to(
     out, _ = shell(f"predict mixed.safetensors -l {LEFT} -r {RIGHT} -o {LATIN} --check")
     assert out.startswith("caf\\udce9/left.pfm: median")
     names = sorted(path.name for path in (world / LATIN).iterdir())
-    assert names == ["left.pfm", "left_colour.png", "left_confidence.png"]
+    assert names == ["left.pfm", "left_colour.png", "left_confidence.png", "left_overview.png"]
 
 
 def test_a_table_alone_stands_in_its_own_folder(
