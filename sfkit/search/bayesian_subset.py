@@ -26,7 +26,7 @@ from sfkit.search.checks import between, require_known, whole
 from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
-from sfkit.search.operators import SMALLEST, Chromosome, random_chromosome
+from sfkit.search.operators import SMALLEST, Chromosome, SubsetSpace, random_chromosome
 from sfkit.search.records import SubsetCandidate
 from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import (
@@ -74,6 +74,14 @@ class BayesianSubsetSettings(SubsetSettings):
     def offspring(self) -> int:
         """Candidates that a generation creates."""
         return self.batch
+
+    def proposals(self, space: SubsetSpace) -> int:
+        """The most candidates of a search without starts that knows nothing before."""
+        return self.alone(space) + min(self.population, space.subsets) + self.generations * self.batch
+
+    def alone(self, space: SubsetSpace) -> int:
+        """How many of them are one source each, and so no subset that may be chosen."""
+        return len(space.allowed) if self.singles else 0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -68,6 +68,14 @@ class SubsetSettings:
         """Candidates that a generation creates; they come in pairs."""
         return self.population + self.population % 2
 
+    def proposals(self, space: SubsetSpace) -> int:
+        """The most candidates of a search without starts, those met again included."""
+        return self.population + self.generations * self.offspring
+
+    def alone(self, space: SubsetSpace) -> int:
+        """How many of them are one source each, and so no subset that may be chosen."""
+        return 0
+
     def __post_init__(self) -> None:
         settle(self)
 

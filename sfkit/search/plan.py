@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import Any
 
-from sfkit.errors import InputError, SfkitError, unknown_name
+from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.known import Known, known_evaluations
-from sfkit.evaluation.outcome import Outcome, Scorer
+from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
@@ -19,7 +20,7 @@ from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSet
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
-from sfkit.search.routing import RoutingSearch
+from sfkit.search.routing import RoutingSearch, encoding_of
 from sfkit.search.routing_records import RoutingSettings
 from sfkit.search.subset import SubsetSearch
 
@@ -72,9 +73,8 @@ class SearchPlan:
         """
         first = 0
         if self.subset is None and len(names) > 1:
-            search = self.subset_search(names, blocks, _nobody)
-            alone = len(names) if getattr(self.stage1, "singles", False) else 0
-            first = min(search.most, search.space.subsets + alone)
+            space = self.constraints.space(tuple(names), tuple(blocks))
+            first = min(self.stage1.proposals(space), space.subsets + self.stage1.alone(space))
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
     def by(self, method: str, batch: int = 1) -> SearchPlan:
@@ -145,12 +145,10 @@ class SearchPlan:
         known: Sequence[Known] = (),
     ) -> SubsetSearch:
         """Stage 1 of this plan over these sources, ready for its first step."""
-        limits = self.constraints
+        make: Callable[..., SubsetSearch] = SubsetSearch
         if isinstance(self.stage1, BayesianSubsetSettings):
-            return BayesianSubsetSearch(
-                names, blocks, scorer, self.stage1, constraints=limits, known=known, journal=journal
-            )
-        return SubsetSearch(names, blocks, scorer, self.stage1, constraints=limits, journal=journal)
+            make = partial(BayesianSubsetSearch, known=known)
+        return make(names, blocks, scorer, self.stage1, constraints=self.constraints, journal=journal)
 
     def routing_search(
         self,
@@ -161,25 +159,12 @@ class SearchPlan:
         known: Sequence[Known] = (),
     ) -> RoutingSearch:
         """Stage 2 of this plan over a subset, ready for its first step."""
+        make: Callable[..., RoutingSearch] = RoutingSearch
         if isinstance(self.stage2, BayesianRoutingSettings):
-            return BayesianRoutingSearch(
-                pool.subset(subset),
-                pool.blocks,
-                scorer,
-                self.stage2,
-                constraints=self.constraints,
-                start=self.start,
-                known=known,
-                journal=journal,
-            )
-        return RoutingSearch(
-            pool.subset(subset),
-            pool.blocks,
-            scorer,
-            self.stage2,
-            constraints=self.constraints,
-            start=self.start,
-            journal=journal,
+            make = partial(BayesianRoutingSearch, known=known)
+        limits, sources = self.constraints, pool.subset(subset)
+        return make(
+            sources, pool.blocks, scorer, self.stage2, constraints=limits, start=self.start, journal=journal
         )
 
     def check(self, pool: Pool) -> None:
@@ -191,15 +176,10 @@ class SearchPlan:
         """
         subset = self.subset
         if subset is None:
-            space = self.subset_search(pool.names, pool.blocks, _nobody).space
+            space = self.constraints.space(pool.names, pool.blocks)
             first = [*space.required, *space.optional][: space.smallest]
             subset = tuple(pool.names[gene] for gene in sorted(first))
         if self.stage2 is not None:
-            # Nobody knows images, and needs to hold none out to be asked for names and numbers.
-            whole = replace(self, stage2=replace(self.stage2, holdout=0))
-            whole.routing_search(pool, subset, _nobody)
-
-
-def _nobody(recipes: Sequence[Recipe]) -> Sequence[Outcome]:
-    """A scorer for searches that are made to be checked, and never take a step."""
-    raise SfkitError(f"a plan that is being checked scores nothing, found {len(recipes)} recipes")
+            encoding = encoding_of(pool.subset(subset), pool.blocks, self.stage2, self.constraints)
+            if self.start is not None:
+                encoding.admit(self.start)

@@ -30,6 +30,27 @@ from sfkit.search.scoring import score_once
 __all__ = ["RoutingCandidate", "RoutingSearch", "RoutingState"]
 
 
+def encoding_of(
+    subset: tuple[str, ...], blocks: tuple[str, ...], settings: RoutingSettings, constraints: Constraints
+) -> Encoding:
+    """What Stage 2 moves over these sources and blocks.
+
+    Raises:
+        InputError: fewer than two sources, an unknown name, a subset that breaks the constraints, or nothing
+            left to move.
+    """
+    constraints.check_subset(subset, blocks)
+    return Encoding(
+        subset,
+        blocks,
+        (float(settings.gamma[0]), float(settings.gamma[1])),
+        settings.tied,
+        settings.scaled,
+        constraints.frozen_blocks,
+        settings.rank,
+    )
+
+
 class RoutingSearch(Search[RoutingCandidate]):
     """Stage 2 over the sources of a subset; see :class:`RoutingSettings` for the defaults.
 
@@ -78,16 +99,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         self.constraints = constraints or Constraints()
         if not self.blocks:
             raise InputError("blocks: found none, expected the names of at least one block")
-        self.constraints.check_subset(self.sources, self.blocks)
-        self.encoding = Encoding(
-            self.sources,
-            self.blocks,
-            (float(self.settings.gamma[0]), float(self.settings.gamma[1])),
-            self.settings.tied,
-            self.settings.scaled,
-            self.constraints.frozen_blocks,
-            self.settings.rank,
-        )
+        self.encoding = encoding_of(self.sources, self.blocks, self.settings, self.constraints)
         self.start = None if start is None else self.encoding.admit(start)
         self._cmas: list[CmaEs] | None = None
         self._state = RoutingState()

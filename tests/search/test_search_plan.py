@@ -6,10 +6,19 @@ import itertools
 from collections.abc import Sequence
 
 import pytest
+from tiny import write_pool
 
+from sfkit.errors import InputError
 from sfkit.evaluation.outcome import Outcome
-from sfkit.merging import Recipe
-from sfkit.search import Constraints, SubsetSettings
+from sfkit.merging import Pool, Recipe, open_pool
+from sfkit.search import (
+    BayesianSubsetSettings,
+    Constraints,
+    RoutingSearch,
+    RoutingSettings,
+    SubsetSearch,
+    SubsetSettings,
+)
 from sfkit.search.plan import SearchPlan
 
 SIX = tuple("abcdef")
@@ -52,3 +61,82 @@ def test_a_search_asks_for_no_more_than_it_said() -> None:
 
     plan.subset_search(tuple("abc"), ("all",), scorer).run()
     assert 1 < len(asked) <= plan.evaluations(tuple("abc"), ("all",)) == 4
+
+
+SETTINGS = [
+    *(SubsetSettings(population=p, generations=g) for p in (2, 5, 50) for g in (0, 3)),
+    *(
+        BayesianSubsetSettings(population=p, generations=g, singles=singles, batch=3)
+        for p in (2, 50)
+        for g in (0, 4)
+        for singles in (True, False)
+    ),
+]
+
+
+@pytest.mark.parametrize("stage1", SETTINGS)
+@pytest.mark.parametrize("limits", [Constraints(), Constraints(exclude=("b",), largest=3)])
+def test_what_a_search_would_propose_is_known_without_it(stage1: SubsetSettings, limits: Constraints) -> None:
+    search = SearchPlan(stage1=stage1, constraints=limits).subset_search(SIX, ("all",), nobody)
+    assert stage1.proposals(search.space) == search.most
+
+
+def nobody(recipes: Sequence[Recipe]) -> list[Outcome]:
+    raise AssertionError("a plan that is only asked scores nothing")
+
+
+EVEN = Recipe.equal(("a", "b"), ("backbone", "neck", "cost_volume", "head"))
+REFUSED = {
+    "unknown source": SearchPlan(constraints=Constraints(include=("x",))),
+    "nothing left": SearchPlan(constraints=Constraints(exclude=("a", "b"))),
+    "unknown block": SearchPlan(constraints=Constraints(frozen_blocks=("tail",))),
+    "excluded": SearchPlan(subset=("a", "b"), constraints=Constraints(exclude=("a",))),
+    "too many": SearchPlan(subset=("a", "b", "c"), constraints=Constraints(largest=2)),
+    "one source": SearchPlan(subset=("a",)),
+    "no such subset": SearchPlan(subset=("a", "x")),
+    "other start": SearchPlan(subset=("a", "c"), start=EVEN),
+    "nothing moves": SearchPlan(
+        subset=("a", "b"),
+        stage2=RoutingSettings(tied=False),
+        constraints=Constraints(frozen_blocks=EVEN.blocks),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def pool(tmp_path_factory: pytest.TempPathFactory) -> Pool:
+    return open_pool(write_pool(tmp_path_factory.mktemp("plan")))
+
+
+def build(plan: SearchPlan, pool: Pool) -> None:
+    """Both searches, as far as the plan has them."""
+    if plan.subset is None:
+        plan.subset_search(pool.names, pool.blocks, nobody)
+    plan.routing_search(pool, plan.subset or pool.names, nobody)
+
+
+@pytest.mark.parametrize("plan", REFUSED.values(), ids=REFUSED)
+def test_a_plan_is_refused_as_its_searches_are(
+    plan: SearchPlan, pool: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError) as late:
+        build(plan, pool)
+    for search in (SubsetSearch, RoutingSearch):
+        monkeypatch.setattr(search, "__init__", None)  # no search is built for a check
+    with pytest.raises(InputError) as early:
+        plan.check(pool)
+    assert str(early.value) == str(late.value)
+
+
+def test_a_plan_that_can_be_searched_passes(pool: Pool, monkeypatch: pytest.MonkeyPatch) -> None:
+    for search in (SubsetSearch, RoutingSearch):
+        monkeypatch.setattr(search, "__init__", None)
+    for plan in (
+        PAPER,
+        PAPER.by("bayesian"),
+        SearchPlan(stage2=RoutingSettings(holdout=0.5)),
+        SearchPlan(subset=("a", "b"), start=EVEN),
+        SearchPlan(constraints=Constraints(include=("c",), exclude=("a",))),
+    ):
+        plan.check(pool)
+        assert plan.evaluations(pool.names, pool.blocks) > 0
