@@ -1,121 +1,135 @@
-"""Model-based Stage 1 against the true optimum: evaluations needed, alone and in batches.
+"""Model-based Stage 1 on the table of all subsets: alone, in batches, and in a pool that has grown.
 
-    python benchmarks/bayesian.py [--seeds 200] [--batches 1 4 16 64] [--quick] [--json]
-
-As ``search.py``, on the scores of all subsets of the embedded bank: an evaluation is a look into a table,
-and a source scored alone costs, and wins nothing.
+An evaluation is a look into the table, and a source scored alone costs, and wins nothing. As many workers as
+a batch has are simulated by ``scale.simulate``: evaluations of one length but for a spread of 5 %, and a
+batch begins when the one before has ended. ``optimum.py`` runs all of it.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pandas as pd
 from landscapes import Landscape
+from scale import simulate
 
-from sfkit.bank.exhaustive import subset_scores
-from sfkit.evaluation.outcome import Outcome
+from sfkit.evaluation.known import Known
+from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
-from sfkit.search import BayesianSubsetSearch, BayesianSubsetSettings
+from sfkit.search import BayesianSubsetSearch, BayesianSubsetSettings, SubsetSearch, SubsetSettings
+from sfkit.search.base import Search
+from sfkit.search.records import SubsetCandidate
 
-SEEDS = 200
-BATCHES = (1, 4, 16, 64)
 MOST = 160
+"""Evaluations that are proposed by the model, at least."""
+BLOCK = ("all",)
+GROWN = (
+    "model, nothing known",
+    "model, knows the evaluations before",
+    "paper's, nothing known",
+    "paper's, with the store",
+    "paper's, with the store, started from the best before",
+)
+"""Ways to search a pool that has gained a source."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """All seeds at one size of batch.
-
-    Attributes:
-        batch: candidates proposed at a time.
-        seeds: searches.
-        median, most: evaluations until the best subset was found, over the seeds; infinite
-            where one did not.
-        within: share of seeds that found it within 60 and within 90 evaluations.
-        waits: median number of rounds until then, at whose end workers wait for one another.
-        seconds: CPU seconds of the model an evaluation, mean over all searches.
-    """
-
-    batch: int
-    seeds: int
-    median: float
-    most: float
-    within: tuple[float, float]
-    waits: float
-    seconds: float
-
-
-def needed(land: Landscape, seed: int, batch: int) -> tuple[float, float, float]:
-    """Evaluations and rounds until the optimum, and CPU seconds an evaluation until then."""
-    names = land.names
+def table_scorer(land: Landscape) -> Scorer:
+    """Looks every recipe's sources up in the table of scores."""
 
     def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
-        masks = (sum(1 << names.index(source) for source in recipe.sources) for recipe in recipes)
+        masks = (sum(1 << land.names.index(source) for source in recipe.sources) for recipe in recipes)
         return [Outcome(land.scores[mask]) for mask in masks]
 
+    return scorer
+
+
+def search_of(land: Landscape, seed: int, batch: int = 1) -> BayesianSubsetSearch:
+    """The search itself on the table of scores, ready for its first step."""
     settings = BayesianSubsetSettings(generations=-(-MOST // batch), batch=batch, seed=seed)
-    search = BayesianSubsetSearch(names, ("all",), scorer, settings)
-    started = time.process_time()
-    for generation in search:
-        for candidate in generation.candidates:
-            if len(candidate.subset) >= 2 and candidate.score == land.best:
-                spent = (time.process_time() - started) / len(search.candidates)
-                return candidate.number + 1, generation.number + 1, spent
-    return float("inf"), float("inf"), (time.process_time() - started) / len(search.candidates)
+    return BayesianSubsetSearch(land.names, BLOCK, table_scorer(land), settings)
 
 
-def measure(land: Landscape, batch: int, seeds: int) -> Row:
-    """One size of batch from every seed."""
-    counts, rounds, seconds = np.array([needed(land, seed, batch) for seed in range(seeds)]).T
-    within = (float(np.mean(counts <= 60)), float(np.mean(counts <= 90)))
-    return Row(
-        batch,
-        seeds,
-        float(np.median(counts)),
-        float(np.max(counts)),
-        within,
-        float(np.median(rounds)),
-        float(np.mean(seconds)),
+def run(land: Landscape, seed: int) -> list[int]:
+    """The masks it evaluates one at a time, in order, up to the optimum."""
+    search = search_of(land, seed)
+    for _ in search:
+        if any(optimal(land, candidate) for candidate in search.candidates):
+            break
+    return [sum(1 << land.names.index(source) for source in c.subset) for c in search.candidates]
+
+
+def optimal(land: Landscape, candidate: SubsetCandidate) -> bool:
+    """Whether it is the best subset of two sources or more."""
+    return len(candidate.subset) >= 2 and candidate.score == land.best
+
+
+def in_batches(land: Landscape, batch: int, seeds: Sequence[int]) -> pd.DataFrame:
+    """A row a seed: what ``batch`` workers need until the optimum.
+
+    ``needed`` evaluations (infinite where it was not found), ``rounds`` at whose end workers wait for one
+    another, ``wall`` time in evaluations, ``busy`` share of the workers' time, CPU ``seconds`` of the model
+    an evaluation.
+    """
+    rows = []
+    for seed in seeds:
+        search, sizes, began = search_of(land, seed, batch), [], time.process_time()
+        hits: list[int] = []
+        for generation in search:
+            sizes.append(len(generation.candidates))
+            hits = [c.number + 1 for c in generation.candidates if optimal(land, c)]
+            if hits:
+                break
+        seconds = (time.process_time() - began) / len(search.candidates)
+        wall, busy = simulate(sizes, 1.0, batch)
+        needed, rounds = (hits[0], len(sizes)) if hits else (np.inf, np.inf)
+        rows.append((seed, needed, rounds, wall if hits else np.inf, busy / (wall * batch), seconds))
+    return pd.DataFrame(rows, columns=["seed", "needed", "rounds", "wall", "busy", "seconds"])
+
+
+def newcomers(land: Landscape) -> tuple[str, ...]:
+    """The sources of the best subset."""
+    best = next(mask for mask, score in land.scores.items() if score == land.best and mask.bit_count() >= 2)
+    return tuple(name for n, name in enumerate(land.names) if best >> n & 1)
+
+
+def grown(land: Landscape, newcomer: str, seed: int) -> Iterator[tuple[str, float]]:
+    """The pool without a source is searched to the end, then the whole pool, in each of the ways ``GROWN``.
+
+    Yields:
+        Way, and new evaluations until the best subset, infinite where it was not found. What the same method
+        evaluated before costs nothing, where it is known.
+    """
+    scorer, few = table_scorer(land), tuple(name for name in land.names if name != newcomer)
+    model, paper = BayesianSubsetSettings(seed=seed), SubsetSettings(seed=seed)
+    before = BayesianSubsetSearch(few, BLOCK, scorer, model)
+    before.run()
+    known = tuple(Known(c.recipe, c.score) for c in before.candidates if not c.repeated)
+    known_to_paper = SubsetSearch(few, BLOCK, scorer, paper)
+    start = known_to_paper.run().subset
+    fresh = SubsetSearch(land.names, BLOCK, scorer, paper)
+    ways: tuple[tuple[Search[SubsetCandidate], Sequence[SubsetCandidate]], ...] = (
+        (BayesianSubsetSearch(land.names, BLOCK, scorer, model), ()),
+        (BayesianSubsetSearch(land.names, BLOCK, scorer, model, known=known), before.candidates),
+        (fresh, ()),
+        (fresh, known_to_paper.candidates),
+        (SubsetSearch(land.names, BLOCK, scorer, paper, start=[start]), known_to_paper.candidates),
     )
+    for way, (search, stored) in zip(GROWN, ways, strict=True):
+        yield way, new_evaluations(land, search, stored)
 
 
-def compare(seeds: int, batches: Sequence[int], *, quick: bool = False) -> list[Row]:
-    """All sizes of batch, on the scores on 20 pairs or, quick, on 8."""
-    land = Landscape(subset_scores(), quick=quick)
-    return [measure(land, batch, seeds) for batch in batches]
-
-
-def table(rows: Sequence[Row]) -> str:
-    """The rows as a Markdown table."""
-    lines = [
-        "| batch | seeds | median evaluations | most | within 60 | within 90 | rounds | model, CPU ms |",
-        "|--:|--:|--:|--:|--:|--:|--:|--:|",
-    ]
-    for row in rows:
-        sixty, ninety = (f"{100 * share:.1f} %" for share in row.within)
-        lines.append(
-            f"| {row.batch} | {row.seeds} | {row.median:.0f} | {row.most:.0f} | {sixty} | {ninety} "
-            f"| {row.waits:.0f} | {1000 * row.seconds:.1f} |"
-        )
-    return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--batches", type=int, nargs="+", default=BATCHES)
-    parser.add_argument("--quick", action="store_true", help="the scores on 8 pairs instead of 20")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
-    rows = compare(options.seeds, options.batches, quick=options.quick)
-    print(json.dumps([asdict(row) for row in rows]) if options.json else table(rows))
-
-
-if __name__ == "__main__":
-    main()
+def new_evaluations(
+    land: Landscape, search: Search[SubsetCandidate], before: Sequence[SubsetCandidate]
+) -> float:
+    """Evaluations not stored before, until the best subset."""
+    while not search.done and not any(optimal(land, candidate) for candidate in search.candidates):
+        search.step()
+    stored, seen = {c.recipe for c in before}, set()
+    for candidate in search.candidates:
+        if candidate.recipe not in stored:
+            seen.add(candidate.recipe)
+        if optimal(land, candidate):
+            return len(seen)
+    return np.inf

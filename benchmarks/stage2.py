@@ -1,0 +1,142 @@
+"""Stage 2 in several ways on the same validation pairs: the best score against evaluations.
+
+    python benchmarks/stage2.py --minutes 60          # go on with what is missing, at most so long
+    python benchmarks/stage2.py --only real           # a part of it
+    python benchmarks/stage2.py --list                # what there is to do, and what is done
+    python benchmarks/results.py stage2               # write what is there into benchmarks/README.md
+
+Every search is Stage 1 by its model, the same for all ways, then Stage 2 over the subset it found; the table
+of all its candidates is kept as a CSV file. Each evaluation goes through a store, so that a run can be
+interrupted at any moment. Optuna's samplers take part where they are installed (``make bench``), the real
+pool where SFKIT_REAL_DATA says where it lies.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from one_model import one_model
+from resumable import Job, go_on
+from stage2_worlds import BANK, REAL, World, store_in, world
+
+import sfkit
+from sfkit.search import BayesianRoutingSearch, BayesianRoutingSettings, RoutingSearch
+from sfkit.search.encoding import Encoding
+
+FOLDER = Path(os.environ.get("SFKIT_STAGE2", Path(__file__).parents[1] / "runs" / "stage2"))
+SEARCHES = {BANK: 12, REAL: 4}
+"""Draws of validation pairs."""
+SIGMA = 0.5
+MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
+BLOCKWISE = 4
+"""Searches on the bank that are run with block-specific routing as well."""
+
+Way = Callable[[World], Iterator[float]]
+"""World -> the scores of its evaluations, in order, as they come."""
+
+
+def model(world: World, evaluations: int = 100, **more: object) -> Iterator[float]:
+    """Our model, which knows what Stage 1 evaluated."""
+    settings = BayesianRoutingSettings(evaluations=evaluations, seed=world.seed, **more)  # type: ignore[arg-type]
+    search = BayesianRoutingSearch(world.subset, world.pool.blocks, world.scorer, settings, known=world.known)
+    return scores_of(search)
+
+
+def cma_es(world: World, evaluations: int = 300, **more: object) -> Iterator[float]:
+    """The paper's."""
+    settings = sfkit.RoutingSettings(evaluations=evaluations, converge=False, seed=world.seed, **more)  # type: ignore[arg-type]
+    return scores_of(RoutingSearch(world.subset, world.pool.blocks, world.scorer, settings))
+
+
+def scores_of(search: RoutingSearch) -> Iterator[float]:
+    """The scores of a search's candidates."""
+    for generation in search:
+        yield from (candidate.score for candidate in generation.candidates)
+
+
+def random_search(world: World, evaluations: int = 100) -> Iterator[float]:
+    """Zeros, then draws from the distribution CMA-ES begins with."""
+    encoding = Encoding(world.subset, world.pool.blocks)
+    rng = np.random.default_rng([world.seed, 3])
+    draws = [np.zeros(encoding.dimension)]
+    draws += [SIGMA * rng.standard_normal(encoding.dimension) for _ in range(evaluations - 1)]
+    for x in draws:
+        yield world.scorer([encoding.decode(x)])[0].score
+
+
+def ways() -> dict[str, Way]:
+    """Everything that is compared, by name."""
+    found: dict[str, Way] = {MODEL: model, CMA_ES: cma_es, ONE_MODEL: one_model}
+    if importlib.util.find_spec("optuna"):
+        from peers_optuna import cma_sampler, gp_sampler
+
+        found |= {"Optuna GP": gp_sampler, "Optuna CMA-ES": cma_sampler}
+    return {**found, RANDOM: random_search}
+
+
+def blockwise() -> dict[str, Way]:
+    """Block-specific routing, where x is several times as long."""
+    return {
+        f"{name}, block-specific": partial(way, evaluations=150, tied=False)
+        for name, way in ((MODEL, model), (CMA_ES, cma_es))
+    }
+
+
+def jobs() -> dict[str, Job]:
+    """Name -> job: our two ways of all searches first."""
+    kinds = {
+        kind: range(count)
+        for kind, count in SEARCHES.items()
+        if kind == BANK or "SFKIT_REAL_DATA" in os.environ
+    }
+    named = [
+        (name, way, kind, seed)
+        for name, way in ways().items()
+        for kind, seeds in kinds.items()
+        for seed in seeds
+    ]
+    order = sorted(named, key=lambda job: job[0] not in (MODEL, CMA_ES))
+    order += [(name, way, BANK, seed) for seed in range(BLOCKWISE) for name, way in blockwise().items()]
+    return {
+        f"{kind}-{slug(name)}-{seed:02d}": partial(searched, kind, seed, name, way)
+        for name, way, kind, seed in order
+    }
+
+
+def slug(name: str) -> str:
+    """A way's name as part of a file's."""
+    return name.lower().replace(",", "").replace(" ", "_")
+
+
+def searched(kind: str, seed: int, name: str, way: Way, folder: Path) -> pd.DataFrame:
+    """One search by one way: a row an evaluation, CPU seconds so far beside it."""
+    with store_in(folder) as store:
+        place = world(kind, seed, store)
+        began = time.process_time()
+        rows = [(score, time.process_time() - began) for score in way(place)]
+    table = pd.DataFrame(rows, columns=["score", "seconds"])
+    table.insert(0, "evaluation", range(1, len(table) + 1))
+    for column, value in reversed({"world": kind, "seed": seed, "way": name}.items()):
+        table.insert(0, column, value)
+    size = len(place.subset) * (len(place.pool.blocks) if "block-specific" in name else 1)
+    return table.assign(
+        subset="+".join(place.subset),
+        stage1=place.stage1.counts.distinct,
+        dimension=size + len(place.pool.blocks),
+    )
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run what is missing."""
+    go_on(__doc__, jobs(), FOLDER, arguments)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""Searches on the table of all subsets, and what the section says of finished ones."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sfkit.bank.exhaustive import SubsetScores
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def scripts() -> Iterator[tuple[ModuleType, ...]]:
+    """Modules of the benchmarks, importable as the scripts there import each other."""
+    before = set(sys.modules)
+    sys.path.insert(0, str(BENCHMARKS))
+    yield tuple(map(import_module, ("bayesian", "optimum", "sections.optimum", "landscapes", "resumable")))
+    sys.path.remove(str(BENCHMARKS))
+    for name in set(sys.modules) - before:
+        if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(BENCHMARKS)):
+            del sys.modules[name]
+
+
+@pytest.fixture
+def land(scripts: tuple[ModuleType, ...]) -> object:
+    """Six sources, the better the nearer the members' mean is to 1; the best subset is a, b and d."""
+    values = dict(zip("abcdef", (0.0, 2.5, -3.0, 0.5, 4.0, -1.7), strict=True))
+    scores = {}
+    for mask in range(1, 64):
+        members = [value for n, value in enumerate(values.values()) if mask >> n & 1]
+        scores[mask] = abs(float(np.mean(members)) - 1.0)
+    return scripts[3].Landscape(SubsetScores(tuple(values), scores, scores))
+
+
+def test_a_batch_counts_evaluations_rounds_and_time(scripts: tuple[ModuleType, ...], land: object) -> None:
+    one, four = (scripts[0].in_batches(land, batch, range(3)) for batch in (1, 4))
+    assert (four["needed"] <= 62).all()
+    rounds = np.ceil((one["needed"] - 14).clip(lower=0)) + 1  # 6 alone, 8 before there is a model
+    assert list(one["rounds"]) == list(rounds)
+    evaluated = 14 + rounds - 1  # one worker waits for nobody: time is what was evaluated, but for the spread
+    assert list(one["wall"]) == pytest.approx(list(evaluated), rel=0.1)
+    assert (one["busy"] > 0.999).all()
+    assert (four["wall"] < one["wall"]).all()
+
+
+def test_a_run_ends_at_the_optimum(scripts: tuple[ModuleType, ...], land: object) -> None:
+    met = scripts[0].run(land, 0)
+    assert 0.0 in land.regrets(met)  # type: ignore[attr-defined]
+    assert met[:6] == [1, 2, 4, 8, 16, 32]
+
+
+def test_what_a_newcomer_costs_leaves_out_what_was_stored(
+    scripts: tuple[ModuleType, ...], land: object
+) -> None:
+    assert scripts[0].newcomers(land) == ("a", "b", "d")
+    found = dict(scripts[0].grown(land, "d", 0))
+    assert list(found) == list(scripts[0].GROWN)
+    assert found["model, knows the evaluations before"] < found["model, nothing known"]
+    assert found["paper's, with the store"] <= found["paper's, nothing known"]
+    assert all(1 <= needed <= 31 for way, needed in found.items() if "store" in way)  # subsets with d
+
+
+def test_what_is_done_is_not_done_again(
+    scripts: tuple[ModuleType, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    called = []
+
+    def job(folder: Path) -> pd.DataFrame:
+        called.append(folder)
+        return pd.DataFrame({"value": [1, 2]})
+
+    jobs = {"first": job, "second": job}
+    scripts[4].go_on(None, jobs, tmp_path, ["--only", "f"])
+    assert len(called) == 1
+    scripts[4].go_on(None, jobs, tmp_path, ["--list"])
+    assert capsys.readouterr().out.splitlines()[-2:] == ["done    first", "missing second"]
+    scripts[4].go_on(None, jobs, tmp_path, ["--minutes", "0"])
+    assert len(called) == 1
+    scripts[4].go_on(None, jobs, tmp_path, [])
+    assert len(called) == 2
+    assert list(scripts[4].results(tmp_path, "f")["value"]) == [1, 2]
+    assert len(scripts[4].results(tmp_path)) == 4
+
+
+def test_the_section_is_what_finished_searches_say(
+    scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    optimum, section = scripts[1], scripts[2]
+    monkeypatch.setattr(optimum, "FOLDER", tmp_path)
+    with pytest.raises(SystemExit, match="nothing is finished yet"):
+        section.section()
+    infinite = float("inf")
+    searched = pd.DataFrame(
+        {"search": "GA", "pairs": 20, "seed": range(4), "needed": [50, 70, infinite, 100]}
+    )
+    searched.assign(seconds=0.002).to_csv(tmp_path / "search-20-ga-000.csv", index=False)
+    for batch, needed, wall in ((1, 30, 30.0), (4, 40, 12.0)):
+        row = {"seed": [0], "needed": needed, "rounds": 6, "wall": wall, "busy": 0.9, "seconds": 0.005}
+        frame = pd.DataFrame(row).assign(batch=batch, pairs=20)
+        frame.to_csv(tmp_path / f"batch-20-{batch:02d}-000.csv", index=False)
+    written = section.section()
+    assert "| GA | 4 | 75 % | 85 | never | 25 % | 50 % | 2.0 |" in written
+    assert "| 4 | 1 | 100 % | 40 | 40 | 100 % | 100 % | 10 | 6 | 12.0 | 2.5 | 62 % | 90 % | 5.0 |" in written
+    assert "gains a source" not in written

@@ -1,0 +1,81 @@
+"""What is said of ways to run Stage 2 is what their tables say."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from sfkit.datasets import Sample
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def scripts() -> Iterator[tuple[ModuleType, ...]]:
+    """Modules of the benchmarks, importable as the scripts there import each other."""
+    before = set(sys.modules)
+    sys.path.insert(0, str(BENCHMARKS))
+    yield tuple(map(import_module, ("stage2", "sections.stage2", "stage2_worlds", "one_model")))
+    sys.path.remove(str(BENCHMARKS))
+    for name in set(sys.modules) - before:
+        if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(BENCHMARKS)):
+            del sys.modules[name]
+
+
+def test_the_section_counts_against_cma_es_of_the_same_search(
+    scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage2, section = scripts[0], scripts[1]
+    monkeypatch.setattr(stage2, "FOLDER", tmp_path)
+    with pytest.raises(SystemExit, match="nothing is finished yet"):
+        section.section()
+
+    def finished(seed: int, way: str, scores: list[float]) -> None:
+        head = {"world": "bank", "seed": seed, "way": way, "evaluation": range(1, len(scores) + 1)}
+        tail = {"seconds": 1.0, "subset": "a+b", "stage1": 3, "dimension": 6}
+        name = f"bank-{stage2.slug(way)}-{seed:02d}.csv"
+        pd.DataFrame({**head, "score": scores, **tail}).to_csv(tmp_path / name, index=False)
+
+    for seed, aim in ((0, 5.0), (1, 7.0)):
+        finished(seed, stage2.CMA_ES, [9.0] * 299 + [aim])
+    finished(0, stage2.MODEL, [9.0, 6.0, 5.0, 4.0] + [8.0] * 6)
+    finished(1, stage2.MODEL, [9.0, 8.0] + [7.5] * 8)
+    finished(2, stage2.MODEL, [1.0] * 10)  # no CMA-ES of that search yet
+    finished(0, stage2.ONE_MODEL, [1.0, 6.0, 6.0, 5.5] + [6.0] * 9)  # the first three are Stage 1's
+    written = section.section()
+    assert "| CMA-ES | 6 | +3.00 (+2.50 to +3.50)" in written
+    assert "+0.00 (+0.00 to +0.00) | 300 | 2 of 2 |" in written
+    assert "| model | 6 | -0.25 (-0.62 to +0.12) |  |" in written
+    assert "| more | 1 of 2 |" in written
+    assert "| one model, no stages | 6 | -4.00 (-4.00 to -4.00) |" in written
+
+
+def test_windows_are_the_same_in_both_views(scripts: tuple[ModuleType, ...]) -> None:
+    ramp = np.arange(20 * 30 * 3, dtype=np.int64).reshape(20, 30, 3)
+    left = (ramp % 256).astype(np.uint8)
+    disparity = np.arange(600, dtype=np.float32).reshape(20, 30)
+    cut = scripts[2].window(Sample("pair", left, left[:, ::-1].copy(), disparity), (8, 10))
+    assert cut.size == (8, 10)
+    assert np.array_equal(cut.left, left[6:14, 10:20])
+    assert np.array_equal(cut.right, left[:, ::-1][6:14, 10:20])
+    assert cut.disparity[0, 0] == 6 * 30 + 10
+
+
+def test_vectors_have_the_features_of_the_recipes_they_stand_for(scripts: tuple[ModuleType, ...]) -> None:
+    from sfkit.search.encoding import Encoding
+    from sfkit.search.surrogate import recipe_features
+
+    names, blocks = ("a", "b", "c", "d"), ("backbone", "head")
+    encoding = Encoding(("d", "b"), blocks)
+    draws = np.random.default_rng(0).standard_normal((5, encoding.dimension))
+    mine = scripts[3].points(encoding, draws, names)
+    theirs = recipe_features([encoding.decode(x) for x in draws], names, blocks)
+    for one, other in zip(mine, theirs, strict=True):
+        assert one == pytest.approx(other, abs=1e-12)
