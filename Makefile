@@ -26,7 +26,7 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 export OMP_NUM_THREADS ?= 1
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers soak lint lab screenshots docs site bench evidence clean
+.PHONY: help demo test peers soak lint lab screenshots docs site bench searches evidence clean
 
 help: ## list these tasks
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1	\2/' | expand -t 20
@@ -66,6 +66,11 @@ build/notebooks/%.html: notebooks/%.ipynb | $(INSTALLED)
 
 bench: $(PEERS) ## measure merging, searches and engines beside their peers, into benchmarks/README.md
 	env -u OMP_NUM_THREADS .venv-peers/bin/python benchmarks/results.py merging search engines scale
+
+searches: $(PEERS) ## compare searches with their peers, hours; goes on where it was
+	.venv-peers/bin/python benchmarks/optimum.py
+	.venv-peers/bin/python benchmarks/stage2.py
+	.venv-peers/bin/python benchmarks/results.py search optimum stage2 overhead
 
 evidence: $(INSTALLED) ## compare plain and guarded Stage 2, hours; goes on where it was
 	$(BIN)/python benchmarks/evidence.py

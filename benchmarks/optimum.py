@@ -1,7 +1,7 @@
 """Evaluations until the best of all subsets: ours, the model's, and other programs', on two landscapes.
 
     python benchmarks/optimum.py --minutes 30         # go on with what is missing, at most so long
-    python benchmarks/optimum.py --only grown         # a part of it
+    python benchmarks/optimum.py grown                # a part of it
     python benchmarks/optimum.py --list               # what there is to do, and what is done
     python benchmarks/results.py optimum              # write what is there into benchmarks/README.md
 
@@ -14,7 +14,6 @@ installed (``make bench``).
 from __future__ import annotations
 
 import importlib.util
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,13 +23,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from bayesian import grown, in_batches, newcomers, run
+from kept import RUNS, Job, KeptRuns
 from landscapes import Landscape
-from resumable import Job, go_on
 from search import Search, searches
 
 from sfkit.bank.exhaustive import subset_scores
 
-FOLDER = Path(os.environ.get("SFKIT_OPTIMUM", Path(__file__).parents[1] / "runs" / "optimum"))
 LANDSCAPES = (20, 8)
 """Validation pairs; the table has the scores on the first 8 as quick ones."""
 SEEDS, TOGETHER = 200, 10
@@ -124,10 +122,7 @@ def growing(pairs: int, seed: int, _: Path) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["pairs", "seed", "newcomer", "way", "needed"])
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing."""
-    go_on(__doc__, jobs(), FOLDER, arguments)
-
+kept = KeptRuns(__doc__, jobs, RUNS / "optimum")
 
 if __name__ == "__main__":
-    main()
+    kept.main()

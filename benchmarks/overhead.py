@@ -3,6 +3,7 @@
     python benchmarks/overhead.py
     python benchmarks/overhead.py --bank
     python benchmarks/overhead.py --pairs 8 --population 50 --generations 15 --evaluations 300 --json
+    python benchmarks/overhead.py --method bayesian --generations 41 --evaluations 80
 
 Both stages run on 11 sources of AnyNet, inline, over pairs of noise of 256 x 512 in memory, with store,
 journal, tables and merged file on disk: AnyNet as published, with random weights, or the embedded bank's,
@@ -40,9 +41,18 @@ from sfkit.evaluation import EvaluationStore, Evaluator
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging import open_pool
 from sfkit.merging.live import LiveModel
-from sfkit.search import Journal, RoutingSettings, SubsetSettings, pipeline
+from sfkit.search import (
+    BayesianRoutingSearch,
+    BayesianRoutingSettings,
+    BayesianSubsetSearch,
+    BayesianSubsetSettings,
+    Journal,
+    RoutingSettings,
+    SubsetSettings,
+    pipeline,
+)
 from sfkit.search.pipeline import search_pool
-from sfkit.search.plan import SearchPlan
+from sfkit.search.plan import METHODS, SearchPlan
 
 PUBLISHED = PoolShape("anynet", sources=11)
 SIZE = (256, 512)
@@ -58,6 +68,8 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
     ("scores", Evaluator, "outcome"),
     ("journal", Journal, "write"),
     ("merged file", pipeline, "save_merged"),
+    ("model of subsets", BayesianSubsetSearch, "_proposed"),
+    ("model of routings", BayesianRoutingSearch, "_proposed"),
 )
 """What is timed: the row it counts for, where it lives, and its name."""
 
@@ -114,8 +126,25 @@ class Clock:
         return before
 
 
+def plan_of(method: str, population: int, generations: int, evaluations: int) -> SearchPlan:
+    """What is searched; by a model, ``population`` subsets are scored before there is one."""
+    if method == "paper":
+        stage1 = SubsetSettings(population=population, generations=generations)
+        return SearchPlan(stage1=stage1, stage2=RoutingSettings(evaluations=evaluations))
+    return SearchPlan(
+        stage1=BayesianSubsetSettings(population=population, generations=generations),
+        stage2=BayesianRoutingSettings(evaluations=evaluations),
+    )
+
+
 def measure(
-    *, pairs: int, population: int, generations: int, evaluations: int, bank: bool = False
+    *,
+    pairs: int,
+    population: int,
+    generations: int,
+    evaluations: int,
+    bank: bool = False,
+    method: str = "paper",
 ) -> dict[str, Any]:
     """Run a search; seconds and calls a row, the evaluations computed, and the share outside the network.
 
@@ -134,10 +163,7 @@ def measure(
             pool, validation = open_pool(path), noise(pairs)
             scorer = Evaluator(pool, validation, store=EvaluationStore(folder / "e.sqlite"))
             scorer([pool.equal(*pool.names[:2])])  # first forward passes prepare kernels
-        plan = SearchPlan(
-            stage1=SubsetSettings(population=population, generations=generations),
-            stage2=RoutingSettings(evaluations=evaluations),
-        )
+        plan = plan_of(method, population, generations, evaluations)
         for row, place, method in PARTS:
             timed = clock.timed(row, getattr(place, method))
             patched.enter_context(mock.patch.object(place, method, timed))
@@ -166,6 +192,7 @@ def measure(
     ]
     return {
         "network": "the embedded bank's AnyNet" if bank else "AnyNet as published",
+        "method": method,
         "pairs": pairs,
         "evaluations": scorer.counts.computed,
         "seconds": total,
@@ -199,6 +226,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--population", type=int, default=10)
     parser.add_argument("--generations", type=int, default=2)
     parser.add_argument("--evaluations", type=int, default=20, help="of Stage 2")
+    parser.add_argument("--method", choices=METHODS, default="paper")
     parser.add_argument("--bank", action="store_true", help="the embedded bank's AnyNet")
     parser.add_argument("--json", action="store_true", help="print one JSON document")
     options = vars(parser.parse_args(arguments))

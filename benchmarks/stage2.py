@@ -1,7 +1,7 @@
 """Stage 2 in several ways on the same validation pairs: the best score against evaluations.
 
     python benchmarks/stage2.py --minutes 60          # go on with what is missing, at most so long
-    python benchmarks/stage2.py --only real           # a part of it
+    python benchmarks/stage2.py real                  # a part of it
     python benchmarks/stage2.py --list                # what there is to do, and what is done
     python benchmarks/results.py stage2               # write what is there into benchmarks/README.md
 
@@ -16,25 +16,26 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from kept import RUNS, Job, KeptRuns
 from one_model import one_model
-from resumable import Job, go_on
 from stage2_worlds import BANK, REAL, World, store_in, world
 
 import sfkit
 from sfkit.search import BayesianRoutingSearch, BayesianRoutingSettings, RoutingSearch
 from sfkit.search.encoding import Encoding
 
-FOLDER = Path(os.environ.get("SFKIT_STAGE2", Path(__file__).parents[1] / "runs" / "stage2"))
 SEARCHES = {BANK: 12, REAL: 4}
 """Draws of validation pairs."""
 SIGMA = 0.5
 MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
+HANDED_OVER = "model, then CMA-ES"
 BLOCKWISE = 4
 """Searches on the bank that are run with block-specific routing as well."""
 
@@ -42,7 +43,7 @@ Way = Callable[[World], Iterator[float]]
 """World -> the scores of its evaluations, in order, as they come."""
 
 
-def model(world: World, evaluations: int = 100, **more: object) -> Iterator[float]:
+def model(world: World, evaluations: int = 150, **more: object) -> Iterator[float]:
     """Our model, which knows what Stage 1 evaluated."""
     settings = BayesianRoutingSettings(evaluations=evaluations, seed=world.seed, **more)  # type: ignore[arg-type]
     search = BayesianRoutingSearch(world.subset, world.pool.blocks, world.scorer, settings, known=world.known)
@@ -53,6 +54,19 @@ def cma_es(world: World, evaluations: int = 300, **more: object) -> Iterator[flo
     """The paper's."""
     settings = sfkit.RoutingSettings(evaluations=evaluations, converge=False, seed=world.seed, **more)  # type: ignore[arg-type]
     return scores_of(RoutingSearch(world.subset, world.pool.blocks, world.scorer, settings))
+
+
+def handed_over(world: World, first: int = 60, evaluations: int = 150) -> Iterator[float]:
+    """The model, and from the best it found CMA-ES at half its first step size."""
+    before = BayesianRoutingSettings(evaluations=first, seed=world.seed)
+    search = BayesianRoutingSearch(world.subset, world.pool.blocks, world.scorer, before, known=world.known)
+    yield from scores_of(search)
+    start = None if search.best is None else search.best.recipe
+    after = sfkit.RoutingSettings(
+        evaluations=evaluations - first + 2, sigma=SIGMA / 2, converge=False, seed=world.seed
+    )
+    found = scores_of(RoutingSearch(world.subset, world.pool.blocks, world.scorer, after, start=start))
+    yield from islice(found, 2, None)  # it knows the first two: x = 0 and its start
 
 
 def scores_of(search: RoutingSearch) -> Iterator[float]:
@@ -73,7 +87,7 @@ def random_search(world: World, evaluations: int = 100) -> Iterator[float]:
 
 def ways() -> dict[str, Way]:
     """Everything that is compared, by name."""
-    found: dict[str, Way] = {MODEL: model, CMA_ES: cma_es, ONE_MODEL: one_model}
+    found: dict[str, Way] = {MODEL: model, CMA_ES: cma_es, HANDED_OVER: handed_over, ONE_MODEL: one_model}
     if importlib.util.find_spec("optuna"):
         from peers_optuna import cma_sampler, gp_sampler
 
@@ -133,10 +147,7 @@ def searched(kind: str, seed: int, name: str, way: Way, folder: Path) -> pd.Data
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run what is missing."""
-    go_on(__doc__, jobs(), FOLDER, arguments)
-
+kept = KeptRuns(__doc__, jobs, RUNS / "stage2")
 
 if __name__ == "__main__":
-    main()
+    kept.main()

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import optimum
 import pandas as pd
 from bayesian import GROWN
-from resumable import results
+from optimum import LANDSCAPES, kept
 
 from sfkit.analysis.tables import markdown_lines
 
@@ -33,11 +32,11 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    if not any(optimum.FOLDER.glob("*.csv")):
+    if not any(kept.folder.glob("*.csv")):
         raise SystemExit("nothing is finished yet: run python benchmarks/optimum.py first")
     parts = [HEAD]
     for text, table in (("", searches), (BATCHES, batches), (GROWTH, growth)):
-        tables = [(pairs, table(pairs)) for pairs in optimum.LANDSCAPES]
+        tables = [(pairs, table(pairs)) for pairs in LANDSCAPES]
         made = [f"On the first {pairs} validation pairs:\n\n{found}" for pairs, found in tables if found]
         parts += [part for part in (text, *made) if part] if made else []
     return "\n\n".join(parts)
@@ -45,7 +44,7 @@ def section() -> str:
 
 def searches(pairs: int) -> str:
     """A row a search; nothing where none is finished."""
-    frame = results(optimum.FOLDER, f"search-{pairs:02d}-")
+    frame = kept.results(f"search-{pairs:02d}-")
     if frame.empty:
         return ""
     rows = [
@@ -70,7 +69,7 @@ def number(value: float) -> str:
 
 def batches(pairs: int) -> str:
     """A row a size of batch; nothing where none is finished."""
-    frame = results(optimum.FOLDER, f"batch-{pairs:02d}-")
+    frame = kept.results(f"batch-{pairs:02d}-")
     if frame.empty or 1 not in set(frame["batch"]):
         return ""
     one = frame[frame["batch"] == 1]
@@ -121,7 +120,7 @@ def batches(pairs: int) -> str:
 
 def growth(pairs: int) -> str:
     """A row a way; nothing where none is finished."""
-    frame = results(optimum.FOLDER, f"grown-{pairs:02d}-")
+    frame = kept.results(f"grown-{pairs:02d}-")
     if frame.empty:
         return ""
     rows = []

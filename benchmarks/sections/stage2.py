@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import stage2
 import stage2_worlds
-from resumable import results
 
 from sfkit.analysis.tables import markdown_lines
 
@@ -38,7 +37,7 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing, or no search by CMA-ES.
     """
-    frame = results(stage2.FOLDER)
+    frame = stage2.kept.results("")
     if frame.empty or stage2.CMA_ES not in set(frame["way"]):
         raise SystemExit("nothing is finished yet: run python benchmarks/stage2.py first (hours)")
     behind = curves(frame)

@@ -5,7 +5,7 @@ evaluations where the good subsets are. What is proposed next has the smallest l
 (GP-UCB, Srinivas et al. 2010), several at a time by hearing the model's own mean for those before (GP-BUCB,
 Desautels et al. 2014). On both landscapes that are known in full this bound needed fewer evaluations than
 expected improvement, which asks again and again beside the best of a noisy score
-(``benchmarks/bayesian.py``).
+(``benchmarks/optimum.py``).
 """
 
 from __future__ import annotations

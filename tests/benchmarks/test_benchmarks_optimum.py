@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -22,7 +23,7 @@ def scripts() -> Iterator[tuple[ModuleType, ...]]:
     """Modules of the benchmarks, importable as the scripts there import each other."""
     before = set(sys.modules)
     sys.path.insert(0, str(BENCHMARKS))
-    yield tuple(map(import_module, ("bayesian", "optimum", "sections.optimum", "landscapes", "resumable")))
+    yield tuple(map(import_module, ("bayesian", "optimum", "sections.optimum", "landscapes")))
     sys.path.remove(str(BENCHMARKS))
     for name in set(sys.modules) - before:
         if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(BENCHMARKS)):
@@ -68,33 +69,26 @@ def test_what_a_newcomer_costs_leaves_out_what_was_stored(
     assert all(1 <= needed <= 31 for way, needed in found.items() if "store" in way)  # subsets with d
 
 
-def test_what_is_done_is_not_done_again(
-    scripts: tuple[ModuleType, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_first_seeds_come_first_and_runs_can_be_asked_for_by_name(
+    scripts: tuple[ModuleType, ...], tmp_path: Path
 ) -> None:
-    called = []
-
-    def job(folder: Path) -> pd.DataFrame:
-        called.append(folder)
-        return pd.DataFrame({"value": [1, 2]})
-
-    jobs = {"first": job, "second": job}
-    scripts[4].go_on(None, jobs, tmp_path, ["--only", "f"])
-    assert len(called) == 1
-    scripts[4].go_on(None, jobs, tmp_path, ["--list"])
-    assert capsys.readouterr().out.splitlines()[-2:] == ["done    first", "missing second"]
-    scripts[4].go_on(None, jobs, tmp_path, ["--minutes", "0"])
-    assert len(called) == 1
-    scripts[4].go_on(None, jobs, tmp_path, [])
-    assert len(called) == 2
-    assert list(scripts[4].results(tmp_path, "f")["value"]) == [1, 2]
-    assert len(scripts[4].results(tmp_path)) == 4
+    optimum = scripts[1]
+    names = list(optimum.jobs())
+    seeds = [int(name.rpartition("-")[2]) for name in names if not name.startswith("grown")]
+    assert seeds == sorted(seeds)
+    paper = {"search-20-sfkit__a_model_of_the_score-190", "batch-08-64-030", "grown-20-002"}
+    assert paper <= set(names)
+    kept = replace(optimum.kept, folder=tmp_path)
+    kept.main(["search-20-greedy"])
+    (row,) = kept.results("search-20").to_dict("records")
+    assert (row["search"], row["seed"]) == ("greedy soup", 0)
 
 
 def test_the_section_is_what_finished_searches_say(
     scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     optimum, section = scripts[1], scripts[2]
-    monkeypatch.setattr(optimum, "FOLDER", tmp_path)
+    monkeypatch.setattr(section, "kept", replace(optimum.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
         section.section()
     infinite = float("inf")

@@ -14,7 +14,7 @@ def test_rows_add_up_and_images_are_prepared_before_the_search(monkeypatch: pyte
     monkeypatch.syspath_prepend(str(FOLDER))
     overhead = importlib.import_module("overhead")
     monkeypatch.setattr(overhead, "SIZE", (32, 256))
-    found = overhead.measure(pairs=2, population=4, generations=1, evaluations=5)
+    found = overhead.measure(pairs=2, population=2, generations=1, evaluations=3, method="bayesian")
     rows = {row["part"]: row for row in found["rows"]}
     assert sum(row["share"] for row in rows.values()) == pytest.approx(1)
     assert sum(row["seconds"] for row in rows.values()) == pytest.approx(found["seconds"])
@@ -25,3 +25,5 @@ def test_rows_add_up_and_images_are_prepared_before_the_search(monkeypatch: pyte
     assert rows["store: write"]["calls"] == searched
     assert rows["merge"]["calls"] == searched + 1
     assert "prepare images" not in rows
+    assert rows["model of subsets"]["calls"] == 1
+    assert rows["model of routings"]["calls"] == 2, "x = 0 is no proposal"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -33,7 +34,7 @@ def test_the_section_counts_against_cma_es_of_the_same_search(
     scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stage2, section = scripts[0], scripts[1]
-    monkeypatch.setattr(stage2, "FOLDER", tmp_path)
+    monkeypatch.setattr(stage2, "kept", replace(stage2.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
         section.section()
 
