@@ -59,3 +59,26 @@ def write_pool(folder: Path, head: str, options: str = "") -> Path:
     text += '[sources.a]\nfile = "a.safetensors"\n[sources.b]\nfile = "b.safetensors"\n'
     (folder / "pool.toml").write_text(text, encoding="utf-8")
     return folder / "pool.toml"
+
+
+def decorated(folder: Path) -> Path:
+    """A pool whose module registers the network."""
+    (folder / "net.py").write_text(NETWORK + REGISTER)
+    return write_pool(folder, 'architecture = "my-net"\nmodule = "net.py"')
+
+
+def plain(folder: Path) -> Path:
+    """A pool that names a class of a file beside it."""
+    (folder / "plain_net.py").write_text(NETWORK)
+    return write_pool(folder, 'architecture = "plain_net:MyNet"')
+
+
+def package(folder: Path) -> Path:
+    """A pool of a network that an installed package declares as an entry point."""
+    site = folder / "site"
+    info = site / "stereo_lab-1.0.dist-info"
+    info.mkdir(parents=True)
+    (site / "stereo_lab.py").write_text(NETWORK + REGISTER.replace("my-net", "lab-net"))
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stereo-lab\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[sfkit.architectures]\nlab-net = stereo_lab\n")
+    return write_pool(folder, 'architecture = "lab-net"')

@@ -18,13 +18,14 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from sfkit.architectures import Architecture, InputConvention
+from sfkit.architectures import InputConvention
 from sfkit.errors import InputError
 from sfkit.evaluation.engines.plan import module_of
 from sfkit.merging.pool import Pool
 
 SHIFT = 8  # pixels that the pair's right view is moved by
 SIZE = (75, 150)  # of the pair; no multiple of what networks like to divide by
+LARGER = (270, 500)  # where that is too small: PSMNet pools over cells of 256 pixels
 MULTIPLES = (8, 16, 32, 48, 64)
 SAME = 1e-4  # px that two calls of one network may differ by
 
@@ -71,14 +72,17 @@ def shifted_pair(size: tuple[int, int] = SIZE, shift: int = SHIFT) -> tuple[NDAr
 def first_call(pool: Pool) -> FirstCall:
     """Call the pool's base once or twice, and look hard at what comes back."""
     network, entry = pool.merge(pool.base_recipe()).network, pool.architecture
-    left, right = shifted_pair()
-    inputs = entry.inputs(pool.options)
+    inputs, size = entry.inputs(pool.options), SIZE
     mistakes = [*_importable(pool), *_mode(network)]
     started = time.perf_counter()
     try:
-        output, fatal = _call(network, inputs, left, right)
+        try:
+            output, fatal = _call(network, inputs, size)
+        except Exception:  # the same failure on a larger pair is raised again, and told below
+            size = LARGER
+            output, fatal = _call(network, inputs, size)
         started = time.perf_counter()
-        again, _ = (output, None) if fatal else _call(network, inputs, left, right)
+        again, _ = (output, None) if fatal else _call(network, inputs, size)
     except Exception as error:  # whatever a user's network raises is what is to be told
         text = str(error).partition("\n")[0]
         output, again, fatal = (
@@ -87,9 +91,9 @@ def first_call(pool: Pool) -> FirstCall:
             Mistake("call", f"the network failed ({type(error).__name__}: {text})"),
         )
     seconds = time.perf_counter() - started
-    mistakes += [fatal] if fatal else list(_output(output, again, inputs, entry))
+    mistakes += [fatal] if fatal else list(_output(output, again, inputs.window(*size)[1]))
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return FirstCall(tuple(mistakes), seconds, memory, (left.shape[0], left.shape[1]))
+    return FirstCall(tuple(mistakes), seconds, memory, size)
 
 
 def _importable(pool: Pool) -> Iterator[Mistake]:
@@ -112,14 +116,13 @@ def _mode(network: nn.Module) -> Iterator[Mistake]:
             return
 
 
-def _call(
-    network: nn.Module, inputs: InputConvention, left: NDArray[np.uint8], right: NDArray[np.uint8]
-) -> tuple[Any, Mistake | None]:
-    """The output on one pair, or the mistake that kept it from coming.
+def _call(network: nn.Module, inputs: InputConvention, size: tuple[int, int]) -> tuple[Any, Mistake | None]:
+    """The output on one pair of (height, width), or the mistake that kept it from coming.
 
     Raises:
         Exception: whatever the network raises where neither gradients nor another size would help.
     """
+    left, right = shifted_pair(size)
     pair = inputs.prepare(left, right)
     try:
         with torch.inference_mode():
@@ -159,9 +162,9 @@ def _runs(
     return True
 
 
-def _output(output: Any, again: Any, inputs: InputConvention, entry: Architecture) -> Iterator[Mistake]:
-    """What is wrong with an output; the first thing alone where the next cannot be asked."""
-    _, (height, width) = inputs.window(*SIZE)
+def _output(output: Any, again: Any, size: tuple[int, int]) -> Iterator[Mistake]:
+    """What is wrong with the output of a (height, width) input; the first thing where it hides the next."""
+    height, width = size
     if isinstance(output, dict):
         keys = ", ".join(map(str, output))
         yield Mistake(
@@ -190,10 +193,10 @@ def _output(output: Any, again: Any, inputs: InputConvention, entry: Architectur
         mend = f"say resolution={share}" if whole else "return the input's size"
         yield Mistake("resolution", f"it returns {found[1]}x{found[0]} for {width}x{height}: {mend}")
         return
-    yield from _values(output.float(), again.float(), entry)
+    yield from _values(output.float(), again.float())
 
 
-def _values(output: torch.Tensor, again: torch.Tensor, entry: Architecture) -> Iterator[Mistake]:
+def _values(output: torch.Tensor, again: torch.Tensor) -> Iterator[Mistake]:
     if not bool(torch.isfinite(output).all()):
         yield Mistake("finite", "it returns values that are not finite: is its input as in training?")
         return

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from own_networks import NETWORK, REGISTER, write_pool, write_states
-from tiny import write_pairs
+from own_networks import NETWORK, REGISTER, decorated, write_pool, write_states
 
 import sfkit
 from sfkit.architectures import code
@@ -31,55 +29,6 @@ def run(*words: object) -> int:
     with pytest.raises(SystemExit) as ended:
         main([str(word) for word in words])
     return int(ended.value.code or 0)
-
-
-def decorated(folder: Path) -> Path:
-    """A pool whose module registers the network."""
-    (folder / "net.py").write_text(NETWORK + REGISTER)
-    return write_pool(folder, 'architecture = "my-net"\nmodule = "net.py"')
-
-
-def plain(folder: Path) -> Path:
-    """A pool that names a class of a file beside it."""
-    (folder / "plain_net.py").write_text(NETWORK)
-    return write_pool(folder, 'architecture = "plain_net:MyNet"')
-
-
-def package(folder: Path) -> Path:
-    """A pool of a network that an installed package declares as an entry point."""
-    site = folder / "site"
-    info = site / "stereo_lab-1.0.dist-info"
-    info.mkdir(parents=True)
-    (site / "stereo_lab.py").write_text(NETWORK + REGISTER.replace("my-net", "lab-net"))
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stereo-lab\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[sfkit.architectures]\nlab-net = stereo_lab\n")
-    return write_pool(folder, 'architecture = "lab-net"')
-
-
-POOLS = {"file": decorated, "class": plain, "entry point": package}
-
-
-@pytest.mark.parametrize("name", POOLS)
-def test_search_with_processes_equals_inline_and_the_result_predicts(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_states(tmp_path)
-    pairs = write_pairs(tmp_path / "pairs")
-    pool = POOLS[name](tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path / "site"))
-    scores = []
-    for engine in ("inline", "processes"):
-        out = tmp_path / engine
-        words = ["search", pool, "-b", "pairs", "--root", pairs, "--out", out, "--engine", engine]
-        words += ["--generations", 1, "--evaluations", 9, "--json", "--trust-code"]
-        words += ["--workers", "2"] if engine == "processes" else []
-        assert run(*words) == 0
-        scores.append(json.loads(capsys.readouterr().out))
-    assert scores[0]["stage1"] == scores[1]["stage1"]
-    merged = tmp_path / "inline" / "merged.safetensors"
-    left, right = (pairs / "pair0" / f"{side}.png" for side in ("left", "right"))
-    asked = ["--import", tmp_path / "net.py"] if name == "file" else []
-    assert run("predict", merged, "-l", left, "-r", right, "-o", tmp_path / "out", *asked) == 0
 
 
 def test_code_that_a_pool_names_does_not_run_unasked(

@@ -13,7 +13,7 @@ import sfkit
 from sfkit.architectures import code
 from sfkit.architectures.registry import _REGISTRY
 from sfkit.cli import main
-from sfkit.evaluation.first_call import SHIFT, first_call, shifted_pair
+from sfkit.evaluation.first_call import LARGER, SHIFT, SIZE, first_call, shifted_pair
 
 # What the network's last line becomes -> the mistake, and what its sentence says.
 OUTPUTS = {
@@ -98,6 +98,13 @@ def test_a_sound_network_has_none_and_the_command_says_so(
         printed = capsys.readouterr().out
         assert ("is called rightly" in printed) is (code_ == 0)
         assert ('output="last"' in printed) is (code_ == 1)
+
+
+def test_a_network_that_pools_over_large_cells_is_called_on_a_larger_pair(tmp_path: Path) -> None:
+    end = "torch.nn.functional.avg_pool2d(left, 256); return value"
+    called = first_call(pool_returning(tmp_path, end))
+    assert (called.mistakes, called.size) == ((), LARGER)
+    assert first_call(pool_returning(tmp_path, "return value")).size == SIZE
 
 
 def test_the_pair_is_shifted_by_what_it_says() -> None:

@@ -4,6 +4,6 @@ What these adapters have in common is :class:`~sfkit.architectures.calling.Calli
 belong to the version of what is built from it: change them, and no old score is met.
 """
 
-from sfkit.architectures.adapters import openstereo, standalone
+from sfkit.architectures.adapters import installed, openstereo, standalone
 
-__all__ = ["openstereo", "standalone"]
+__all__ = ["installed", "openstereo", "standalone"]

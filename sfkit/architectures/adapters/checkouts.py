@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
+import sys
+import types
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import torch
@@ -42,9 +44,7 @@ def without_downloads() -> Iterator[None]:
     fetch = torch.hub.load_state_dict_from_url
     undo: list[tuple[Any, str, Any]] = [(torch.hub, "load_state_dict_from_url", fetch)]
     torch.hub.load_state_dict_from_url = lambda *_, **__: {}
-    if importlib.util.find_spec("timm") is not None:
-        import timm  # type: ignore[import-not-found,unused-ignore]  # the checkout's own requirement
-
+    if (timm := _timm()) is not None:
         create = timm.create_model
 
         def create_model(*names: Any, **options: Any) -> nn.Module:
@@ -60,6 +60,35 @@ def without_downloads() -> Iterator[None]:
     finally:
         for module, name, value in undo:
             setattr(module, name, value)
+
+
+def _timm() -> types.ModuleType | None:
+    """The checkout's own requirement; where it cannot be imported, the model that needs it says so."""
+    try:
+        import timm  # type: ignore[import-not-found,unused-ignore]
+    except ImportError:
+        return None
+    return timm  # type: ignore[no-any-return,unused-ignore]
+
+
+@contextmanager
+def packages(root: Path, *names: str) -> Iterator[None]:
+    """Packages below ``root`` that are entered without running what stands in their ``__init__``.
+
+    One that imports everything (every trainer, every family) needs what few machines have.
+    """
+    before = {name: sys.modules.get(name) for name in names}
+    for name in names:
+        package = types.ModuleType(name)
+        package.__path__ = [str(root.joinpath(*name.split(".")))]
+        sys.modules[name] = package
+    try:
+        yield
+    finally:
+        for name, module in before.items():
+            sys.modules.pop(name, None)
+            if module is not None:
+                sys.modules[name] = module
 
 
 def ensure_root(root: str, name: str, page: str) -> str:

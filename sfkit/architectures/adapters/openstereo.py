@@ -6,17 +6,14 @@ are entered by their folders, so that a model's own module is imported and nothi
 
 from __future__ import annotations
 
-import sys
-import types
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 from torch import nn
 
-from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
+from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, packages, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
 from sfkit.architectures.registry import Blocks, Options, register_architecture, top_level_blocks
@@ -25,6 +22,7 @@ from sfkit.errors import InputError, unknown_name
 from sfkit.files import home
 
 PAGE = "XiandaGuo/OpenStereo"
+PACKAGES = ("stereo", "stereo.modeling", "stereo.modeling.models")
 # MODEL.NAME of a configuration -> its module below stereo.modeling.models, and the class there.
 MODELS: dict[str, tuple[str, str]] = {
     "CasGwcNet": ("casnet.cas_gwc", "GwcNet"),
@@ -57,9 +55,9 @@ BLOCKS: dict[str, Blocks] = {
     },
     "PSMNet": {
         "backbone": ["Backbone.*"],
-        "cost volume": ["CostProcessor.dres0.*", "CostProcessor.dres1.*"],
-        "aggregation": ["CostProcessor.*"],
-        "head": ["DispProcessor.*"],
+        "cost volume": ["CostProcessor.aggregator.dres0.*", "CostProcessor.aggregator.dres1.*"],
+        "aggregation": ["CostProcessor.aggregator.dres*"],
+        "head": ["CostProcessor.aggregator.classif*", "DispProcessor.*"],
     },
 }
 
@@ -88,21 +86,6 @@ def _name(options: Mapping[str, Any]) -> str:
     return name
 
 
-@contextmanager
-def _packages(root: Path) -> Iterator[None]:
-    """The packages above the models, entered without running what stands in their ``__init__``."""
-    names = ("stereo", "stereo.modeling", "stereo.modeling.models")
-    for name in names:
-        package = types.ModuleType(name)
-        package.__path__ = [str(root.joinpath(*name.split(".")))]
-        sys.modules[name] = package
-    try:
-        yield
-    finally:
-        for name in names:
-            sys.modules.pop(name, None)
-
-
 def _blocks(options: Options) -> Blocks:
     name = _name(options)
     return BLOCKS[name] if name in BLOCKS else top_level_blocks(openstereo(**options))
@@ -129,7 +112,7 @@ def _three(values: list[float]) -> tuple[float, float, float]:
 @cache
 def _model_class(root: str, name: str) -> Any:
     module, attribute = MODELS[name]
-    with _packages(Path(root)), without_downloads():
+    with packages(Path(root), *PACKAGES), without_downloads():
         return import_from(root, f"stereo.modeling.models.{module}", attribute)
 
 

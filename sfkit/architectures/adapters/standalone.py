@@ -13,9 +13,31 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import register_architecture
+from sfkit.architectures.registry import Blocks, register_architecture
 
 RAW = InputConvention(1.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 32, PadSides.CENTRE)  # 0..255, as PNG holds them
+RAFT_BLOCKS: Blocks = {
+    "context": ["cnet.*", "context_zqr_convs.*"],
+    "features": ["fnet.*", "conv2.*"],
+    "update": ["update_block.*"],
+}
+IGEV_BLOCKS: Blocks = {
+    "backbone": ["feature.*", "stem_*", "cnet.*", "context_zqr_convs.*"],
+    "cost volume": ["conv.*", "desc.*", "corr_stem.*", "corr_feature_att.*"],
+    "aggregation": ["cost_agg.*", "classifier.*"],
+    "update": ["update_block.*", "spx*"],
+}
+AANET_BLOCKS: Blocks = {
+    "backbone": ["feature_extractor.*", "fpn.*", "feature_pyramid.*"],
+    "aggregation": ["aggregation.*", "cost_construction.*"],
+    "refinement": ["refinement.*", "disparity_estimation.*"],
+}
+GMSTEREO_BLOCKS: Blocks = {
+    "backbone": ["backbone.*"],
+    "transformer": ["transformer.*"],
+    "propagation": ["feature_flow_attn.*"],
+    "refinement": ["refine*", "upsampler.*"],
+}
 
 
 def _checkout(options: Mapping[str, Any]) -> str:
@@ -24,11 +46,7 @@ def _checkout(options: Mapping[str, Any]) -> str:
 
 @register_architecture(
     "raft-stereo",
-    blocks={
-        "context": ["cnet.*", "context_zqr_convs.*"],
-        "features": ["fnet.*", "conv2.*"],
-        "update": ["update_block.*"],
-    },
+    blocks=RAFT_BLOCKS,
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     output=("last", "negated"),  # (low-resolution flow, full-resolution flow): right minus left
@@ -72,12 +90,7 @@ def raft_stereo(
 
 @register_architecture(
     "igev-stereo",
-    blocks={
-        "backbone": ["feature.*", "stem_*", "cnet.*", "context_zqr_convs.*"],
-        "cost volume": ["conv.*", "desc.*", "corr_stem.*", "corr_feature_att.*"],
-        "aggregation": ["cost_agg.*", "classifier.*"],
-        "update": ["update_block.*", "spx*"],
-    },
+    blocks=IGEV_BLOCKS,
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     checkout=_checkout,
@@ -120,11 +133,7 @@ def igev_stereo(
 
 @register_architecture(
     "aanet",
-    blocks={
-        "backbone": ["feature_extractor.*", "fpn.*", "feature_pyramid.*"],
-        "aggregation": ["aggregation.*", "cost_construction.*"],
-        "refinement": ["refinement.*", "disparity_estimation.*"],
-    },
+    blocks=AANET_BLOCKS,
     inputs=InputConvention(multiple=48, sides=PadSides.TOP_RIGHT),
     output="last",  # a list of disparities, the finest last
     checkout=_checkout,
@@ -159,12 +168,7 @@ def aanet(
 
 @register_architecture(
     "gmstereo",
-    blocks={
-        "backbone": ["backbone.*"],
-        "transformer": ["transformer.*"],
-        "propagation": ["feature_flow_attn.*"],
-        "refinement": ["refine*", "upsampler.*"],
-    },
+    blocks=GMSTEREO_BLOCKS,
     inputs=InputConvention(multiple=32, sides=PadSides.CENTRE),
     keywords=lambda options: {
         "attn_type": options["attn_type"],

@@ -1,0 +1,179 @@
+"""A model of a fetched OpenStereo checkout through sfkit: open, merge, evaluate on a real pair, search.
+
+    SFKIT_OPENSTEREO=~/OpenStereo SFKIT_REAL_DATA=~/real python benchmarks/openstereo.py PSMNet --json
+
+Weights are random: base and two sources that differ from it a little, in files as OpenStereo's trainer
+writes them. They tell what such a pool takes and that every step runs, not how good a merge is. CPU seconds
+are those of this process, with one thread; measure one model a process, for its peak memory. What the
+checkout itself requires (timm) must be installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+
+import sfkit
+from sfkit.architectures import architecture
+
+CHECKOUT = "SFKIT_OPENSTEREO"
+REAL = "SFKIT_REAL_DATA"
+MOVED = 0.01  # of a tensor's standard deviation, by which a source differs from the base
+
+
+@dataclass(frozen=True)
+class Case:
+    """A model and the part of the real pair it sees: random weights make IGEV's updates slow.
+
+    Attributes:
+        cfg: its configuration below ``cfgs/``.
+        size: (height, width) of the part, in pixels; PSMNet pools over 64 x 64 cells of 4 pixels.
+    """
+
+    cfg: str
+    size: tuple[int, int]
+
+
+CASES = {
+    "LightStereo-S": Case("lightstereo/lightstereo_s_sceneflow.yaml", (352, 448)),
+    "IGEV": Case("igev/igev_sceneflow_amp.yaml", (64, 96)),
+    "PSMNet": Case("psmnet/psmnet_sceneflow.yaml", (256, 256)),
+}
+
+
+def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> dict[str, Any]:
+    """Walk one model's road, in a folder that is removed after.
+
+    Args:
+        name: one of :data:`CASES`.
+        checkout: of OpenStereo.
+        real: the folder of real pairs.
+        evaluations: of Stage 2; Stage 1 has three subsets to try.
+
+    Returns:
+        ``parameters``, ``blocks``, ``size``; CPU seconds as ``open``, ``merge``, ``evaluate`` and ``search``;
+        ``evaluations`` of the search; ``peak_memory_mb``.
+
+    Raises:
+        InputError: the checkout or the pair is not there.
+    """
+    torch.set_num_threads(1)
+    case, spent = CASES[name], dict[str, float]()
+    with tempfile.TemporaryDirectory() as folder:
+        pool_file = write_pool(Path(folder), case.cfg, checkout)
+        pairs = write_pair(Path(folder) / "pairs", real, case.size)
+        with _timed(spent, "open"):
+            pool = sfkit.open_pool(pool_file)
+        recipe = pool.uniform()
+        with _timed(spent, "merge"):
+            merged = sfkit.save_merged(pool, recipe, Path(folder) / "merged.safetensors")
+        scorer = sfkit.Evaluator(
+            pool, sfkit.open_benchmark("pairs", pairs, coding="png8:4", metric="bad-3.0")
+        )
+        with _timed(spent, "evaluate"):
+            (outcome,) = scorer([recipe])
+        with _timed(spent, "search"):
+            which = sfkit.SubsetSearch(
+                pool.names, pool.blocks, scorer, sfkit.SubsetSettings(population=3, generations=1)
+            ).run()
+            how = sfkit.RoutingSearch(
+                pool.names, pool.blocks, scorer, sfkit.RoutingSettings(evaluations=evaluations)
+            ).run()
+        origin = sfkit.read_origin(merged)
+        assert origin is not None
+        assert origin.recipe == recipe
+        assert np.isfinite([outcome.score, which.score, how.score]).all()
+        network = pool.merge(recipe).network
+    return {
+        "name": name,
+        "size": list(case.size),
+        "parameters": sum(parameter.numel() for parameter in network.parameters()),
+        "blocks": list(pool.blocks),
+        **{key: round(seconds, 1) for key, seconds in spent.items()},
+        "evaluations": len(pool.names) + 1 + evaluations,
+        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+    }
+
+
+def write_pool(folder: Path, cfg: str, checkout: Path) -> Path:
+    """Base and two sources with random weights, as OpenStereo's trainer saves them, and their pool.toml."""
+    torch.manual_seed(0)
+    entry = architecture("openstereo")
+    network = entry.build(**entry.resolve({"root": str(checkout), "cfg": cfg}))
+    base = {key: tensor.clone() for key, tensor in network.state_dict().items()}
+    for number, name in enumerate(("base", "a", "b")):
+        drawn = torch.Generator().manual_seed(number)
+        state = {
+            key: tensor + MOVED * number * tensor.std() * torch.randn(tensor.shape, generator=drawn)
+            if tensor.ndim > 1
+            else tensor
+            for key, tensor in base.items()
+        }
+        torch.save({"model_state": state, "optimizer_state": {}, "epoch": 1}, folder / f"{name}.pth")
+    sources = "".join(f'[sources.{name}]\nfile = "{name}.pth"\n' for name in "ab")
+    options = f"[options]\nroot = {json.dumps(str(checkout))}\ncfg = {json.dumps(cfg)}\n"
+    text = f'name = "openstereo"\narchitecture = "openstereo"\n{options}[base]\nfile = "base.pth"\n{sources}'
+    (folder / "pool.toml").write_text(text, encoding="utf-8")
+    return folder / "pool.toml"
+
+
+def write_pair(root: Path, real: Path, size: tuple[int, int]) -> Path:
+    """The middle of Middlebury's Cones as a folder of one pair; disparities stay PNGs of a quarter pixel."""
+    names = {"left.png": "im2.png", "right.png": "im6.png", "disp.png": "disp2.png"}
+    (root / "cones").mkdir(parents=True)
+    for name, original in names.items():
+        image = cv2.imread(str(real / "pairs" / "cones" / original), cv2.IMREAD_UNCHANGED)
+        top, left = ((image.shape[axis] - size[axis]) // 2 for axis in (0, 1))
+        cv2.imwrite(str(root / "cones" / name), image[top : top + size[0], left : left + size[1]])
+    return root
+
+
+@contextmanager
+def _timed(spent: dict[str, float], name: str) -> Iterator[None]:
+    started = time.process_time()
+    yield
+    spent[name] = time.process_time() - started
+
+
+def folders() -> tuple[Path, Path]:
+    """The checkout and the real pairs, as the two variables name them.
+
+    Raises:
+        SystemExit: one is not set.
+    """
+    missing = [name for name in (CHECKOUT, REAL) if not os.environ.get(name)]
+    if missing:
+        raise SystemExit(f"{' and '.join(missing)}: not set, expected the folder's path")
+    return Path(os.environ[CHECKOUT]).expanduser(), Path(os.environ[REAL]).expanduser()
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure one model and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("name", choices=CASES)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    options = parser.parse_args(arguments)
+    with redirect_stdout(sys.stderr):  # what the checkout prints is not the document
+        result = measure(options.name, *folders())
+    if options.json:
+        json.dump(result, sys.stdout)
+    else:
+        print("\n".join(f"{key}: {value}" for key, value in result.items()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,31 @@
+"""Models of a fetched OpenStereo checkout, from opening to a tiny search."""
+
+from __future__ import annotations
+
+import importlib
+
+from processes import call, shown
+
+
+def section() -> str:
+    """One row a model, each measured in a process of its own."""
+    cases = importlib.import_module("openstereo").CASES
+    lines = [
+        "## Networks of an OpenStereo checkout",
+        "",
+        f"`{shown('openstereo.py', 'MODEL')}` with `SFKIT_OPENSTEREO` naming a checkout of",
+        "XiandaGuo/OpenStereo (May 2026), whose code runs as it stands, and timm 1.0. Base and two sources",
+        "have random weights, in files as its trainer writes them; the pair is a part of Middlebury's Cones",
+        "of the size that the table names. So this says that each step runs and what it takes, not how well",
+        "such networks merge. CPU seconds of one thread, opening with everything imported; the search is",
+        "Stage 1 over three subsets and four evaluations of Stage 2, of which none is scored twice.",
+        "",
+        "| model | parameters | size | blocks | open | merge, write | one evaluation | search | peak MB |",
+        "|---|--:|--:|---|--:|--:|--:|--:|--:|",
+    ]
+    for name in cases:
+        r = call("openstereo.py", name, "--json")
+        size, seconds = r["size"], (f"{r[step]} s" for step in ("open", "merge", "evaluate", "search"))
+        first = (r["name"], f"{r['parameters']:,}", f"{size[0]} x {size[1]}", ", ".join(r["blocks"]))
+        lines.append(f"| {' | '.join((*first, *seconds))} | {r['peak_memory_mb']:,} |")
+    return "\n".join(lines)
