@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 import types
 from collections.abc import Iterator, Mapping
@@ -62,13 +63,12 @@ def without_downloads() -> Iterator[None]:
             setattr(module, name, value)
 
 
-def _timm() -> types.ModuleType | None:
-    """The checkout's own requirement; where it cannot be imported, the model that needs it says so."""
+def _timm() -> Any:
+    """The package, or None: where it cannot be imported, the model that needs it says so."""
     try:
-        import timm  # type: ignore[import-not-found,unused-ignore]
+        return importlib.import_module("timm")
     except ImportError:
         return None
-    return timm  # type: ignore[no-any-return,unused-ignore]
 
 
 @contextmanager
