@@ -6,8 +6,10 @@ Results are reproducible by these numbers: a new method takes a new one, and non
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import TYPE_CHECKING
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 
 class Stream(IntEnum):
@@ -36,4 +38,6 @@ def generator(seed: int, stream: Stream, *numbers: int) -> np.random.Generator:
         stream: who draws.
         numbers: which part, such as a generation or an iteration.
     """
+    import numpy as np  # --help draws nothing
+
     return np.random.default_rng([seed, int(stream), *numbers])

@@ -102,7 +102,20 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
     return run
 
 
-class Command(typer.core.TyperCommand):
+class PlainHelp:
+    """A command whose ``--help`` has a default: typer hands no value at all to pydantic, whose import would cost
+    every usage error as much as all the rest.
+    """
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """The option, with a default."""
+        option = super().get_help_option(ctx)  # type: ignore[misc]
+        if option is not None:
+            option.default = False
+        return option
+
+
+class Command(PlainHelp, typer.core.TyperCommand):
     """A command that takes each option once, unless it is made to add up: else the last would win unseen."""
 
     def make_parser(self, ctx: Any) -> Any:
@@ -144,7 +157,7 @@ class PanelCommand(Command):
                     formatter.write_dl(records)
 
 
-class WholeHelp(typer.core.TyperGroup):
+class WholeHelp(PlainHelp, typer.core.TyperGroup):
     """A command with sub-commands, whose first sentences ``--help`` does not cut."""
 
     def summaries(self, ctx: Any) -> list[tuple[str, str]]:

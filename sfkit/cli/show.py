@@ -26,11 +26,12 @@ def show(
       sfkit show merged.safetensors
       sfkit show checkpoints/
     """
-    from sfkit.cli import runs
-    from sfkit.inspection import inspect_file
-
     if (file / "journal.jsonl").is_file():
+        from sfkit.cli import runs
+
         runs.show(file, json)
         return
+    from sfkit.inspection import inspect_file
+
     description = inspect_file(file)
     emit(description.document, description.text, as_json=json)

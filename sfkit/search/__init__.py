@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
     from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
     from sfkit.search.breeding import SubsetSettings
-    from sfkit.search.cma_es import Distribution
     from sfkit.search.constraints import Constraints, subset_of, transfer
     from sfkit.search.encoding import Encoding, mean_entropy
     from sfkit.search.journal import Journal, last_run, read_journal
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from sfkit.search.operators import SubsetSpace
     from sfkit.search.records import Candidate, Counts, Generation, SubsetCandidate
     from sfkit.search.routing import RoutingSearch
-    from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
+    from sfkit.search.routing_records import Distribution, RoutingCandidate, RoutingSettings, RoutingState
     from sfkit.search.subset import SubsetSearch, SubsetState
     from sfkit.search.surrogate import Prediction
 else:

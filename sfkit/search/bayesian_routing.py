@@ -21,13 +21,12 @@ from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.checks import between, positive, whole
-from sfkit.search.cma_es import Distribution
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import Vector
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState
+from sfkit.search.routing_records import Distribution, RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.surrogate import (
     Prediction,
     Surrogate,

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from sfkit.search.checks import between, one_of, whole
 from sfkit.search.operators import Chromosome, SubsetSpace, crossover, mutate, random_chromosome, tournament
 from sfkit.settings import setting, settle
+
+if TYPE_CHECKING:
+    import numpy as np
 
 SURVIVAL = ("tournament", "truncation")
 """Ways to choose the next population out of parents and offspring."""

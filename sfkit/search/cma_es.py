@@ -10,16 +10,13 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sfkit.search.encoding import Vector
+from sfkit.search.routing_records import Distribution
 from sfkit.streams import Stream, generator
-
-SMALLEST_POPULATION = 3
-"""pycma refuses smaller ones."""
 
 
 def _pycma() -> Any:
@@ -29,22 +26,6 @@ def _pycma() -> Any:
         warnings.filterwarnings("ignore", message="Could not import matplotlib", category=UserWarning)
         import cma
     return cma
-
-
-@dataclass(frozen=True)
-class Distribution:
-    """The normal distribution N(mean, sigma^2 C) that a population is drawn from.
-
-    Attributes:
-        mean: n numbers.
-        sigma: step size.
-        axes: sigma times the square roots of the eigenvalues of C, ascending: the standard deviations
-            along the principal axes.
-    """
-
-    mean: tuple[float, ...]
-    sigma: float
-    axes: tuple[float, ...]
 
 
 def default_population(dimension: int) -> int:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe, routed
-from sfkit.search.checks import require_between, require_known, require_whole
+from sfkit.search.checks import check_gamma, check_rank, require_known
 
 Vector = NDArray[np.float64]
 
@@ -204,38 +204,6 @@ class Encoding:
             unequal = any(abs(weight - equal) > _SUM_TOLERANCE for weight in row)
             if block in self.frozen and not self.tied and unequal:
                 raise InputError(f"{where} is frozen but has weights {list(row)}, expected equal ones")
-
-
-def check_rank(rank: int | None, tied: bool) -> None:
-    """Refuse a rank of routing that is tied, or that is no whole number of at least 1.
-
-    Raises:
-        InputError: what was found.
-    """
-    if rank is None:
-        return
-    require_whole("rank", rank, 1)
-    if tied:
-        raise InputError(f"rank: found {rank} and tied=True, expected tied=False: tied routing has one row")
-
-
-def check_gamma(argument: str, gamma: tuple[float, float]) -> tuple[float, float]:
-    """Bounds of the module scales, which are [low, high] with 0 <= low < 1 < high and midpoint 1.
-
-    Raises:
-        InputError: what was found, and why the midpoint matters.
-    """
-    if not isinstance(gamma, tuple | list) or len(gamma) != 2:
-        raise InputError(f"{argument}: found {gamma!r}, expected two numbers such as (0.25, 1.75)")
-    low, high = gamma
-    require_between(argument, low, 0.0)
-    require_between(argument, high, 0.0)
-    if not low < 1.0 < high or abs((low + high) / 2.0 - 1.0) > 1e-9:
-        raise InputError(
-            f"{argument}: found [{low:g}, {high:g}], expected bounds around 1 with 1 in the middle, such as "
-            "[0.25, 1.75], so that x = 0 is the equal-weight merge"
-        )
-    return low, high
 
 
 def softmax(logits: Vector) -> tuple[float, ...]:

@@ -20,11 +20,17 @@ from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.base import Search
 from sfkit.search.checks import distinct_names
-from sfkit.search.cma_es import CmaEs, Distribution, default_population, finite_fitness
+from sfkit.search.cma_es import CmaEs, default_population, finite_fitness
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import Encoding, Vector, mean_entropy
 from sfkit.search.journal import Journal
-from sfkit.search.routing_records import RoutingCandidate, RoutingSettings, RoutingState, routing_history
+from sfkit.search.routing_records import (
+    Distribution,
+    RoutingCandidate,
+    RoutingSettings,
+    RoutingState,
+    routing_history,
+)
 from sfkit.search.scoring import score_once
 
 __all__ = ["RoutingCandidate", "RoutingSearch", "RoutingState"]

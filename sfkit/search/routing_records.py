@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.base import SearchState
-from sfkit.search.checks import between, positive, whole
-from sfkit.search.cma_es import SMALLEST_POPULATION, Distribution
-from sfkit.search.encoding import check_gamma, check_rank
+from sfkit.search.checks import between, check_gamma, check_rank, positive, whole
 from sfkit.search.records import COMMON, ORIGIN, Candidate
 from sfkit.settings import setting, settle
 
 if TYPE_CHECKING:
     import pandas as pd
+
+SMALLEST_POPULATION = 3
+"""pycma refuses smaller ones."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +167,22 @@ class RoutingCandidate(Candidate):
             "weights": self.recipe.weights,
             "scales": self.recipe.scales,
         }
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """The normal distribution N(mean, sigma^2 C) that a population is drawn from.
+
+    Attributes:
+        mean: n numbers.
+        sigma: step size.
+        axes: sigma times the square roots of the eigenvalues of C, ascending: the standard deviations
+            along the principal axes.
+    """
+
+    mean: tuple[float, ...]
+    sigma: float
+    axes: tuple[float, ...]
 
 
 @dataclass(frozen=True)
