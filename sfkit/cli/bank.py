@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from sfkit.cli.groups import WholeHelp
-from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
+from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 
 app = typer.Typer(
@@ -42,5 +43,12 @@ def build(
     places.folder("--out", out, ("pool.toml", "base.safetensors", "trainings.json", "fingerprints.json"))
     if (out / "pool.toml").exists() and not (out / "training").is_dir():
         raise InputError(f"--out: {out / 'pool.toml'} exists, and no bank was built there: choose another")
-    build_bank(out, name, progress=lambda what, done, of: say(f"{what}: {done} of {of}"))
+    with Bars() as bars:
+
+        def hear(what: str, done: int, of: int) -> None:
+            network, _, note = what.partition(": ")
+            step = f"{network}, rendering" if note == "rendering" else network
+            bars(step, done, of, note, line=f"{what}: {done} of {of}")
+
+        build_bank(out, name, progress=hear)
     emit({"bank": out}, f"built {out}", as_json=json)

@@ -16,10 +16,10 @@ from sfkit.cli.options import (
     StoreOption,
     emit,
     pool_of,
-    say,
 )
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
+from sfkit.cli.terminal import Bars
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
 from sfkit.errors import InputError
 
@@ -69,7 +69,14 @@ def baselines(
     places.store(store)
     opened = pool_of(pool)
     guide = guide_of(opened, guides, combine, compute)
-    with scoring(opened, guide, store) as (evaluators, scorer):
+    with scoring(opened, guide, store) as (evaluators, scorer), Bars() as bars:
+
+        def hear(label: str, done: int, total: int) -> None:
+            line = f"{done} of {total} methods done" + (f", now {label}" if label else "")
+            bars("methods", done, total, f"now {label}" if label else "", line=line)
+
+        for evaluator in evaluators:
+            evaluator.listen = lambda _done, total: bars.within(0, total)  # time goes on within a method
         run = run_baselines(
             opened,
             scorer,
@@ -78,7 +85,7 @@ def baselines(
             population=stage1.population,
             generations=stage1.generations,
             evaluations=stage2.evaluations,
-            progress=_progress,
+            progress=hear,
         )
         trusted = trust_of(opened, evaluators)
     if out is not None:
@@ -114,10 +121,6 @@ def _methods(text: str) -> tuple[str, ...]:
                 "validation: leave it out, or use sfkit report"
             )
     return found
-
-
-def _progress(label: str, done: int, total: int) -> None:
-    say(f"{done} of {total} methods done" + (f", now {label}" if label else ""))
 
 
 def _entry(result: BaselineResult) -> dict[str, Any]:

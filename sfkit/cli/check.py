@@ -8,6 +8,7 @@ import typer
 
 from sfkit.cli.options import JsonOption, PoolArgument, emit, pool_of, say
 from sfkit.cli.panels import OptionalBenchmarkOptions
+from sfkit.cli.terminal import Bars
 
 
 def check(
@@ -49,7 +50,8 @@ def check(
         lines.append("the network is called rightly: disparities of the right size, sign and scale")
     if opened_benchmark is not None and not fatal:
         say(f"scoring the midpoints on {len(opened_benchmark.pairs)} pairs of {opened_benchmark.name}")
-        with Evaluator(opened, opened_benchmark) as evaluator:
+        with Evaluator(opened, opened_benchmark) as evaluator, Bars(keep=False) as bars:
+            evaluator.listen = lambda done, total: bars("midpoints", done, total)
             paths = linear_paths(evaluator)
         lines += [paths.table().to_string(index=False, float_format="%.2f"), *paths.sentences]
         document |= {

@@ -9,7 +9,10 @@ import typer
 from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
 from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.panels import FolderOptions
+from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
+
+SAID_EVERY = 100  # pairs
 
 app = typer.Typer(cls=WholeHelp, help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
 
@@ -47,14 +50,21 @@ def check(
             raise InputError(f"{name}: found {given!r}, its manifest says how it is read; leave it out")
         report = check_training_set(name, root)
     else:
-        report = check_data(
-            name,
-            root,
-            resolution=folder.resolution,
-            coding=folder.coding,
-            table=folder.csv,
-            every=folder.every,
-        )
+        with Bars(keep=False) as bars:
+
+            def hear(done: int, total: int) -> None:
+                line = f"{name}: {done} of {total} pairs checked"
+                bars(name, done, total, line=line if done % SAID_EVERY == 0 else None)
+
+            report = check_data(
+                name,
+                root,
+                resolution=folder.resolution,
+                coding=folder.coding,
+                table=folder.csv,
+                every=folder.every,
+                progress=hear,
+            )
     emit(report.to_dict(), report.to_text(), as_json=json)
     if report.problems:
         raise typer.Exit(1)

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from tqdm import tqdm
 
 from sfkit.cli.options import ForceOption, JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import NotebookComputeOptions
+from sfkit.cli.terminal import Bars
 from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE
 
 if TYPE_CHECKING:
@@ -39,7 +39,11 @@ def demo(
         "--out", out, (*OUTPUTS, SEARCH, LOCK, STORE, "scores.csv", "report.html", "report.ipynb")
     )
     with Bars() as bars:
-        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=bars, force=force)
+
+        def hear(step: str, done: int, of: int, note: str) -> None:
+            bars(step, done, of, note, line=f"{step}: {done} of {of}{f', {note}' if note else ''}")
+
+        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=hear, force=force)
     document = {
         "verdict": found.verdict.as_dict(),
         "table": found.table.to_dict(orient="index"),
@@ -52,34 +56,6 @@ def demo(
         "scores": found.scores,
     }
     emit(document, _text(found), as_json=json)
-
-
-class Bars:
-    """One progress bar a step, on standard error."""
-
-    def __init__(self) -> None:
-        self._bar: tqdm[None] | None = None
-        self._step = ""
-
-    def __enter__(self) -> Bars:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._close()
-
-    def __call__(self, step: str, done: int, of: int, note: str) -> None:
-        if step != self._step:
-            self._close()
-            self._step = step
-            self._bar = tqdm(total=of, desc=f"{step:8s}", ncols=90)
-        if self._bar is not None:
-            self._bar.set_postfix_str(note, refresh=False)
-            self._bar.update(done - self._bar.n)
-
-    def _close(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
-            self._bar = None
 
 
 def _text(found: Demo) -> str:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
-from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import ComputeOptions
+from sfkit.cli.terminal import Bars
 
 if TYPE_CHECKING:
     from sfkit.factory import Made
@@ -69,7 +70,9 @@ def run(
         places.file("--report", report, ".html", force=True)
         places.claim("--report", report.with_suffix(".ipynb"))
     ensure_own(factory)
-    made = run_factory(factory, devices=devices or (compute.device,), compute=compute, say=say)
+    training = devices or (compute.device,)
+    with Bars(side_by_side=len(training) > 1) as bars:
+        made = run_factory(factory, devices=training, compute=compute, say=bars.hear)
     columns = list(next(iter(made.scores.values())))
     lines = [f"{'network':24s} " + " ".join(f"{c:>16s}" for c in columns)]
     lines += [
@@ -91,7 +94,9 @@ def run(
         from sfkit.reports import report as write_report
 
         values = {**report_values(factory), **_training_seconds(made), "out": factory.out / "report"}
-        lines.append(f"wrote {write_report(notebook_path('report'), values, report, progress=say)}")
+        with Bars() as bars:
+            written = write_report(notebook_path("report"), values, report, progress=bars.hear)
+        lines.append(f"wrote {written}")
         document["report"] = report
     emit({**document, "merged": made.found.merged, "pool": made.pool}, "\n".join(lines), as_json=json)
 
@@ -118,7 +123,8 @@ def train(
     """
     from sfkit.factory import read_factory, train_one
 
-    written = train_one(read_factory(file), name, device, say)
+    with Bars() as bars:
+        written = train_one(read_factory(file), name, device, bars.hear)
     emit({"file": written}, f"wrote {written}", as_json=json)
 
 

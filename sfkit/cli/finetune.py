@@ -13,6 +13,7 @@ import typer
 from sfkit.checkpoints.targets import FileForm, check_target
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.cli.outputs import Places
+from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 from sfkit.outside import read_toml
 
@@ -102,7 +103,7 @@ def command(
     pairs = open_training_set(data, root, hold_out=hold_out, coding=coding, table=csv)
     say(f"{pairs.name}: {pairs.coverage}, {len(pairs.held_out)} held out, {chosen.steps(len(pairs))} steps")
     scored = None if validation is None else open_benchmark(validation, validation_root)
-    with _Processes(device):
+    with _Processes(device), Bars() as bars:
         source = finetune(
             base,
             pairs,
@@ -114,7 +115,7 @@ def command(
             licence=licence,
             form=form,
             overwrite=force,
-            listen=progress(),
+            listen=progress(bars),
         )
     if int(os.environ.get("RANK", 0)) == 0:
         emit(*_told(source), as_json=json)
@@ -141,18 +142,17 @@ def _told(source: Source) -> tuple[dict[str, Any], str]:
     return document, "\n".join(lines)
 
 
-def progress() -> Callable[[Course], None]:
-    """Says loss, rate, pairs a second and the time left, every ten steps."""
+def progress(bars: Bars) -> Callable[[Course], None]:
+    """Says loss, rate, pairs a second and the time left: in lines every ten steps."""
 
     def hear(course: Course) -> None:
-        if course.done % SHOWN_EVERY and course.done != course.steps:
-            return
         step, pace = course.last, course.seconds / course.done
         score = f", validation {course.scores[-1][1]:.2f}" if course.scores else ""
-        say(
-            f"step {step.number} of {course.steps}: loss {step.loss:.3f}, rate {step.rate:.1e}, "
-            f"{pace:.2f} s a step, {pace * (course.steps - course.done):.0f} s left{score}"
-        )
+        note = f"loss {step.loss:.3f}, rate {step.rate:.1e}"
+        line = f"step {step.number} of {course.steps}: {note}, {pace:.2f} s a step, "
+        line += f"{pace * (course.steps - course.done):.0f} s left{score}"
+        told = not course.done % SHOWN_EVERY or course.done == course.steps
+        bars("training", course.done, course.steps, note + score, line=line if told else None)
 
     return hear
 

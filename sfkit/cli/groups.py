@@ -103,8 +103,8 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
 
 
 class PlainHelp:
-    """A command whose ``--help`` has a default: typer hands no value at all to pydantic, whose import would cost
-    every usage error as much as all the rest.
+    """A command whose ``--help`` has a default: typer asks pydantic about an option without a value, and its
+    import would cost every usage error as much as all the rest.
     """
 
     def get_help_option(self, ctx: Any) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sfkit.analysis.search_verdict import SearchVerdict, search_verdict
-from sfkit.cli.options import say
+from sfkit.cli.terminal import Bars, say
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging import Pool
 from sfkit.search.pipeline import SearchResult
@@ -24,9 +24,15 @@ class Judge:
     def __call__(self, found: SearchResult) -> Mapping[str, Any]:
         self.before = _counts(self._guides)
         say(f"verdict: beside base, {len(self._pool.names)} sources and uniform")
-        self._verdict = search_verdict(
-            self._pool, found.stages, self._guides, self._tests, evaluations=found.evaluations
-        )
+        with Bars(keep=False) as bars:
+            self._verdict = search_verdict(
+                self._pool,
+                found.stages,
+                self._guides,
+                self._tests,
+                evaluations=found.evaluations,
+                progress=lambda benchmark, done, total: bars(f"verdict on {benchmark}", done, total),
+            )
         self.said = {"verdict": self._verdict.as_dict()}
         return self.said
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import re
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from sfkit.cli.groups import names
+from sfkit.cli.terminal import Bars, coloured, printable
+from sfkit.cli.terminal import say as say
 from sfkit.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -20,8 +22,7 @@ if TYPE_CHECKING:
     from sfkit.merging import Pool, Recipe
 
 Made = TypeVar("Made")
-# Control characters but for tab and line feed, marks that turn the order of letters, bytes that are no UTF-8.
-_UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+LARGE = 100 * 2**20  # bytes of a checkpoint that takes so long to read that one wants to see it
 
 PoolArgument = Annotated[
     str, typer.Argument(help="A pool.toml, the folder that holds one, or bank.", show_default=False)
@@ -195,7 +196,14 @@ def pool_of(path: str, blocks: str | None = None, dtype: str | None = None) -> P
 
     if dtype is not None and dtype not in DTYPES:
         raise unknown_name("--dtype", dtype, DTYPES)
-    return _named(path, lambda: written_as(open_pool(path, blocks=blocks), dtype))
+    with Bars(keep=False) as bars:
+
+        def read(file: Path, done: int, total: int) -> None:
+            if file.stat().st_size > LARGE:
+                line = f"reading: {done} of {total} networks, {file.name}"
+                bars("reading", done, total, file.name, line=line)
+
+        return _named(path, lambda: written_as(open_pool(path, blocks=blocks, progress=read), dtype))
 
 
 def _named(path: str | Path, make: Callable[[], Made]) -> Made:
@@ -208,19 +216,12 @@ def _named(path: str | Path, make: Callable[[], Made]) -> Made:
         raise InputError(f"{path}: {error}") from error
 
 
-def printable(text: str) -> str:
-    """The text, with what a terminal would obey or cannot show written as escapes, as in a file's name."""
-    return _UNPRINTABLE.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
-
-
-def say(text: str) -> None:
-    """A line of progress on standard error."""
-    typer.echo(printable(text), err=True)
-
-
 def emit(document: Mapping[str, Any], text: str, *, as_json: bool) -> None:
     """Print a result: the document as JSON, or the text."""
-    typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False) if as_json else printable(text))
+    if as_json:
+        typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False))
+    else:
+        typer.echo(coloured(printable(text), sys.stdout))
 
 
 def _plain(value: Any) -> Any:

@@ -8,8 +8,9 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.options import JsonOption, emit, say
+from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
+from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 
 
@@ -56,7 +57,8 @@ def report(
             places.reads(f"-p {name}", Path(value))
     places.file("--out", out, ".html", force=True)
     places.claim("--out", out.with_suffix(".ipynb"))
-    written = run_report(notebook, values, out, progress=say, figures=figures)
+    with Bars() as bars:
+        written = run_report(notebook, values, out, progress=bars.hear, figures=figures)
     document: dict[str, object] = {"report": written}
     text = f"wrote {written}"
     if figures is not None:

@@ -34,6 +34,7 @@ from sfkit.cli.panels import (
     Stage2Options,
 )
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
+from sfkit.cli.watching import Watch
 from sfkit.errors import InputError
 from sfkit.search import RoutingSettings, SubsetSettings
 
@@ -43,7 +44,6 @@ if TYPE_CHECKING:
     from sfkit.merging import Pool
     from sfkit.search.pipeline import SearchResult
     from sfkit.search.plan import SearchPlan
-    from sfkit.search.records import Generation
 
 
 LONG = 10.0  # minutes; shorter searches start without a question
@@ -146,7 +146,8 @@ def search(
         if long and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort
         judge = Judge(opened, evaluators, judges)
-        found = search_pool(opened, scorer, plan, folder, progress=_progress, judge=judge)
+        with Watch(plan.candidates(opened), evaluators) as watch:
+            found = search_pool(opened, scorer, plan, folder, progress=watch.generation, judge=judge)
         trusted = trust_of(opened, evaluators)
     changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
     metric_name = str(evaluators[0].metric) if changes is None else LABEL
@@ -204,14 +205,6 @@ def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
     if file is not None:
         return subset_of(read_recipe(file))
     return None if text is None else source_names("--subset", text)
-
-
-def _progress(stage: str, generation: Generation[Any]) -> None:
-    best = generation.best
-    score = "none yet" if best is None else f"{best.score:.4f} ({', '.join(best.subset)})"
-    counts = generation.counts
-    done = f"{counts.distinct} scored, {counts.cached} of them cached"
-    say(f"{stage}, generation {generation.number}: best {score}; {done}")
 
 
 def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float]) -> str:

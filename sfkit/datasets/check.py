@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from sfkit.datasets.protocols import protocols_without_mask, rules_for
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError
 
+Progress = Callable[[int, int], None]
 SHOWN = 8  # names in a line of text before it says how many more there are
 
 
@@ -81,26 +82,28 @@ def check_data(
     coding: str | None = None,
     table: Path | str | None = None,
     every: int | None = None,
+    progress: Progress | None = None,
 ) -> DataReport:
     """Look for a data set under a folder, load every pair and report; arguments as in ``open_benchmark``.
 
-    A data set that is not there gives a report with a problem, not an error.
+    A data set that is not there gives a report with a problem, not an error. ``progress`` hears of each pair
+    when it was loaded: how many were, of how many.
 
     Raises:
         InputError: an unknown name or resolution, no such folder, or hints and tables that cannot be read.
     """
     if name == UNLABELLED:
         folder, found = find_unlabelled(root, table, 1 if every is None else every)
-        return _report(folder.name, PAIRS, folder, found, None, "")
+        return _report(folder.name, PAIRS, folder, found, None, "", progress)
     if name == PAIRS:
         folder, found, absent = find_own_pairs(root, coding, table)
         nothing = absent if found.pairs or absent else nothing_recognised(folder, found)
-        return _report(folder.name, PAIRS, folder, found, None, nothing)
+        return _report(folder.name, PAIRS, folder, found, None, nothing, progress)
     manifest, folder = load_manifest(name), open_root(root)
     resolution = manifest.resolution(resolution)
     found = find_pairs(manifest, folder, resolution)
     nothing = "" if found.pairs else nothing_found(manifest, folder, resolution, found)
-    return _report(name, manifest.family, folder, found, manifest.ids, nothing)
+    return _report(name, manifest.family, folder, found, manifest.ids, nothing, progress)
 
 
 def check_benchmark(benchmark: Benchmark) -> DataReport:
@@ -122,9 +125,15 @@ def check_benchmark(benchmark: Benchmark) -> DataReport:
 
 
 def _report(
-    name: str, family: str, root: Path, found: PairListing, ids: tuple[str, ...] | None, nothing: str
+    name: str,
+    family: str,
+    root: Path,
+    found: PairListing,
+    ids: tuple[str, ...] | None,
+    nothing: str,
+    progress: Progress | None,
 ) -> DataReport:
-    problems, warnings = _check_pairs(found.pairs)
+    problems, warnings = _check_pairs(found.pairs, progress)
     here = {pair.id for pair in found.pairs} | set(found.missing)
     strange = sorted(here - set(ids)) if ids else []
     notes = [*found.notes, *_mask_note(family, found.pairs)]
@@ -143,11 +152,15 @@ def _report(
     )
 
 
-def _check_pairs(pairs: Iterable[Pair]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _check_pairs(
+    pairs: Sequence[Pair], progress: Progress | None = None
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     problems: list[str] = []
     warnings: list[str] = []
     first_with: dict[bytes, str] = {}
-    for pair in pairs:
+    for number, pair in enumerate(pairs, 1):
+        if progress is not None:
+            progress(number, len(pairs))
         try:
             sample = pair.load()
         except InputError as error:

@@ -48,6 +48,9 @@ class Evaluator:
         shorthand: fields of :class:`~sfkit.evaluation.compute.Compute` that replace those of ``compute``:
             ``device="cuda:0"``, ``engine="processes", workers=4``, ``precision="bfloat16"``.
 
+    Attributes:
+        listen: when a search asks, told the numbers of recipes that are done and that were asked for.
+
     Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs look wrong, such as left and right exchanged.
 
     Raises:
@@ -76,6 +79,7 @@ class Evaluator:
         self.retry_failed = retry_failed
         self.splits: tuple[frozenset[int], ...] = ()
         self.counts = EvaluatorCounts()
+        self.listen: Callable[[int, int], None] | None = None
         self.quantities = Quantities.of(self.metric, *benchmark.measurable(also))
         inputs = pool.architecture.inputs(pool.options)
         self.prepared = PreparedBenchmark(benchmark, inputs, self.quantities)
@@ -167,7 +171,7 @@ class Evaluator:
                 f"metric {self.metric}: more of it is better, and what guides a search is minimised, "
                 "expected a metric of which less is better"
             )
-        return [self.outcome(evaluation) for evaluation in self.evaluate(recipes)]
+        return [self.outcome(evaluation) for evaluation in self.evaluate(recipes, progress=self.listen)]
 
     def evaluate(
         self, recipes: Sequence[Recipe], *, progress: Callable[[int, int], None] | None = None

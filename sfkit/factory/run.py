@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import torch
@@ -25,6 +26,8 @@ from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.network import load_network
 from sfkit.search.pipeline import SearchResult, search_pool
+from sfkit.search.progress import generation_note
+from sfkit.search.records import Generation
 from sfkit.training.scoring import scorer_of
 
 
@@ -113,7 +116,12 @@ def run(
         guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
         scorer: Scorer = guides[0] if len(guides) == 1 else CombinedScorer(guides, factory.combine)
         # A source that was added makes another search, whose result is to take the former one's place.
-        found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True)
+        most = factory.plan.candidates(pool)
+
+        def hear(stage: str, generation: Generation[Any]) -> None:
+            say(f"{stage}: {generation.counts.candidates} of {most[stage]}, {generation_note(generation)}")
+
+        found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True, progress=hear)
         scores = _scores(factory, pool, found, guides, compute)
         evaluated = len(store) - before
     write_text(factory.out / SCORES, json.dumps(scores, indent=2) + "\n")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from sfkit.architectures.registry import entry_for
@@ -34,6 +34,7 @@ def open_pool(
     *,
     cache: VectorCache | None = None,
     blocks: BlockPartition | Mapping[str, Sequence[str]] | str | None = None,
+    progress: Callable[[Path, int, int], None] | None = None,
 ) -> Pool:
     """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
 
@@ -42,6 +43,8 @@ def open_pool(
     ``blocks`` takes the place of the partition that it or the architecture gives: block name -> globs over
     keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see
     :func:`~sfkit.merging.partitions.auto_partition`).
+
+    ``progress`` hears of each file when it was read: the file, how many were, and of how many.
 
     Task vectors of big networks are kept in ``cache`` (the user's, unless given), so that a second
     opening reads no checkpoint that has not changed.
@@ -72,16 +75,20 @@ def open_pool(
         raise InputError(f"{error}{_another_architecture(spec, entry.name)}") from error
     base, record = opener.base(spec.base, base_file)
     order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
-    staged = [
-        opener.source(
-            member,
-            file or opener.read(member.path, is_base=False, wrapping=member.wrapping),
-            base_file,
-            record,
-            order,
+    told = progress or (lambda *_: None)
+    told(spec.base.path, 1, 1 + len(files))
+    staged = []
+    for number, (member, file) in enumerate(zip(spec.sources, files, strict=True), 2):
+        staged.append(
+            opener.source(
+                member,
+                file or opener.read(member.path, is_base=False, wrapping=member.wrapping),  # one at a time
+                base_file,
+                record,
+                order,
+            )
         )
-        for member, file in zip(spec.sources, files, strict=True)
-    ]
+        told(member.path, number, 1 + len(files))
     sources = [source.member for source in staged]
     _refuse_twins(sources)
     vectors = assemble(staged, base_file.tensors, partition)

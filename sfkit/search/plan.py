@@ -77,6 +77,11 @@ class SearchPlan:
             first = min(self.stage1.proposals(space), space.subsets + self.stage1.alone(space))
         return first + (self.stage2.evaluations if self.stage2 is not None else 0)
 
+    def candidates(self, pool: Pool) -> dict[str, int]:
+        """``Stage 1``, ``Stage 2`` -> the most candidates it proposes, those met again included."""
+        first = {"Stage 1": self.subset_search(pool, _nobody).most} if self.subset is None else {}
+        return first if self.stage2 is None else {**first, "Stage 2": self.stage2.evaluations}
+
     def by(self, method: str, batch: int = 1) -> SearchPlan:
         """The same search by one of ``METHODS``, in that method's own sizes.
 

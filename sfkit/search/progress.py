@@ -11,7 +11,7 @@ from typing import Any
 from sfkit.errors import InputError
 from sfkit.search.base import Search
 from sfkit.search.journal import JournalledSearch
-from sfkit.search.records import Counts
+from sfkit.search.records import Counts, Generation
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.runs import STAGES
 from sfkit.search.subset import SubsetSearch
@@ -86,6 +86,12 @@ def best_of(search: Search[Any]) -> Best | None:
     """The best candidate of the finished generations."""
     best = search.best
     return None if best is None else Best(best.number, best.score, best.subset)
+
+
+def generation_note(generation: Generation[Any]) -> str:
+    """The best so far, such as ``best 12.3456 (kitti, indoor)``."""
+    best = generation.best
+    return "best none yet" if best is None else f"best {best.score:.4f} ({', '.join(best.subset)})"
 
 
 def last_generation(search: Search[Any]) -> int | None:
