@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sfkit.cli import tables
+from sfkit.cli.groups import names
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
     PoolArgument,
-    RecipeOption,
     StoreOption,
     SubsetFromOption,
     SubsetOption,
@@ -26,6 +29,7 @@ from sfkit.cli.options import (
 )
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions
+from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,12 +46,16 @@ def evaluate(
     compute: ComputeOptions,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
-    recipe: RecipeOption = None,
+    recipe: Annotated[
+        list[Path] | None,
+        typer.Option("--recipe", help="A recipe as JSON, or a merged network to take it from; or several."),
+    ] = None,
     uniform: Annotated[bool, typer.Option("--uniform", help="All sources with equal weights.")] = False,
     all_subsets: Annotated[
         bool, typer.Option("--all-subsets", help="The equal-weight merge of every subset of two or more.")
     ] = False,
     members: Annotated[bool, typer.Option("--members", help="The base and each source by itself.")] = False,
+    images: Annotated[bool, typer.Option("--images", help="Scores of every image instead of all.")] = False,
     store: StoreOption = None,
     out: Annotated[Path | None, typer.Option("--out", "-o", help="Also write the scores as CSV.")] = None,
     force: ForceOption = False,
@@ -56,21 +64,28 @@ def evaluate(
     """Score networks merged from a pool; lower is better.
 
     Options that ask for networks add up: --members --uniform scores the base, each source, and their merge.
+    So do metrics: --metric bad-1.0,epe.
 
     \b
     Examples:
       sfkit evaluate pool.toml --subset a,b,c --benchmark pairs --root ~/pairs --metric bad-1.0
       sfkit evaluate pool.toml --members --uniform -b kitti2012 -r ~/KITTI2012 --protocol all-valid
+      sfkit evaluate pool.toml --recipe a.json --recipe b.safetensors -b pairs -r ~/pairs --images
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
     from sfkit.evaluation import Evaluator
-    from sfkit.evaluation.table import write_table
+    from sfkit.evaluation.table import image_table, score_table, write_table
 
-    chosen = data.open()
-    places = Places(recipe=recipe, subset_from=subset_from, csv=data.csv)
+    metrics = names(data.metric or "")
+    chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
+    places = Places(subset_from=subset_from, csv=data.csv)
+    for file in recipe or ():
+        places.reads("--recipe", file)
     places.file("--out", out, ".csv", force=force)
     places.store(store)
-    asked = choosers(subset=subset, subset_from=subset_from, recipe=recipe, uniform=uniform)
+    asked = choosers(subset=subset, subset_from=subset_from, uniform=uniform)
+    for file in recipe or ():
+        asked |= choosers(recipe=file)
     if not (asked or members or all_subsets):
         raise InputError(
             "found nothing to score, expected --subset, --subset-from, --recipe, --uniform, --members or "
@@ -81,35 +96,42 @@ def evaluate(
     recipes |= _all_subsets(opened) if all_subsets else {}
     recipes |= {name: choose(opened) for name, choose in asked.items()}
     pools = {recipe.preparation: prepared(name, opened, recipe) for name, recipe in recipes.items()}
-    evaluator = Evaluator(opened, chosen, compute=compute)
+    evaluator = Evaluator(opened, chosen, also=metrics, compute=compute)
     with store_of(store) as kept, evaluator.with_store(kept) as scorer:
         say(f"engine: {scorer.engine.describe()}")
-        scores = _scores(scorer, recipes, pools)
+        with Bars() as bars:
+
+            def hear(benchmark: str, done: int, total: int) -> None:
+                bars(benchmark, done, total, line=f"{benchmark}: {done} of {total} networks scored")
+
+            counted = partial(score_table, metrics=metrics, progress=hear)
+            scores = _scores(counted, scorer, recipes, pools)
+        each = _scores(partial(image_table, metrics=metrics), scorer, recipes, pools) if images else None
     if out is not None:
-        write_table(scores, out)
-    emit(_document(opened, evaluator, scores), _text(evaluator, scores), as_json=json)
+        write_table(scores if each is None else each, out)
+    document = _document(opened, evaluator, scores)
+    document |= {} if each is None else {"images": each.to_dict(orient="records")}
+    emit(document, _text(evaluator, scores, each), as_json=json)
     if scores["failure"].notna().all():
         raise typer.Exit(1)
 
 
 def _scores(
-    scorer: Evaluator, recipes: Mapping[str, Recipe], pools: Mapping[tuple[Step, ...], Pool]
+    table: Callable[..., pd.DataFrame],
+    scorer: Evaluator,
+    recipes: Mapping[str, Recipe],
+    pools: Mapping[tuple[Step, ...], Pool],
 ) -> pd.DataFrame:
-    """The table of all recipes; each preparation of task vectors has a pool and an evaluator of its own."""
+    """A table of all recipes; each preparation of task vectors has a pool and an evaluator of its own."""
     import pandas as pd
-
-    from sfkit.evaluation.table import score_table
 
     groups: dict[tuple[Step, ...], dict[str, Recipe]] = {}
     for name, recipe in recipes.items():
         groups.setdefault(recipe.preparation, {})[name] = recipe
-    return pd.concat(
-        [
-            score_table([scorer.with_pool(pools[steps])], group, progress=_progress)
-            for steps, group in groups.items()
-        ],
-        ignore_index=True,
-    )
+    made = [table([scorer.with_pool(pools[steps])], group) for steps, group in groups.items()]
+    order = {name: place for place, name in enumerate(recipes)}
+    found = pd.concat(made, ignore_index=True)
+    return found.sort_values("network", key=lambda names: names.map(order), kind="stable", ignore_index=True)
 
 
 def _members(pool: Pool) -> dict[str, Recipe]:
@@ -119,10 +141,6 @@ def _members(pool: Pool) -> dict[str, Recipe]:
 def _all_subsets(pool: Pool) -> dict[str, Recipe]:
     sizes = range(2, len(pool.names) + 1)
     return {"+".join(c): pool.equal(*c) for k in sizes for c in combinations(pool.names, k)}
-
-
-def _progress(benchmark: str, done: int, total: int) -> None:
-    say(f"{benchmark}: {done} of {total} networks scored")
 
 
 def _document(pool: Pool, evaluator: Evaluator, scores: pd.DataFrame) -> dict[str, Any]:
@@ -135,16 +153,32 @@ def _document(pool: Pool, evaluator: Evaluator, scores: pd.DataFrame) -> dict[st
     }
 
 
-def _text(evaluator: Evaluator, scores: pd.DataFrame) -> str:
+def _text(evaluator: Evaluator, scores: pd.DataFrame, images: pd.DataFrame | None) -> str:
+    """A row a network, or a row an image; a column a metric."""
     benchmark = evaluator.benchmark
+    units = dict(zip(scores["metric"], scores["unit"], strict=True))
     head = (
-        f"{evaluator.metric} under protocol {benchmark.protocol} on {benchmark.name} ({benchmark.coverage})"
+        f"{', '.join(units)} under protocol {benchmark.protocol} on {benchmark.name} ({benchmark.coverage})"
     )
-    return "\n".join([head, *(_line(row) for row in scores.to_dict(orient="records"))])
+    keys = ("network",) if images is None else ("network", "image")
+    rows: dict[tuple[str, ...], dict[str, float]] = {}
+    for row in (scores if images is None else images).to_dict(orient="records"):
+        rows.setdefault(tuple(row[key] for key in keys), {})[row["metric"]] = row["score"]
+    heads = {f"{metric} [{unit}]": metric for metric, unit in units.items()}
+    failed = dict(zip(scores["network"], scores["failure"], strict=True))
+    cells = [
+        [*key, *(values[metric] for metric in heads.values())]
+        for key, values in rows.items()
+        if failed[key[0]] is None
+    ]
+    table = tables.lines((*keys, *heads), cells, digits=dict.fromkeys(heads, 4)) if cells else []
+    return "\n".join([head, *table, *_notes(scores)])
 
 
-def _line(row: Mapping[Hashable, Any]) -> str:
-    if row["failure"] is not None:
-        return f"{row['network']:40s}    failed: {' '.join(str(row['failure']).split())}"
-    flag = f"  (not finite on {row['flagged']} of {row['images']} images)" if row["flagged"] else ""
-    return f"{row['network']:40s} {row['score']:9.4f} {row['unit']}{flag}"
+def _notes(scores: pd.DataFrame) -> Iterator[str]:
+    """Of networks that failed, and of those that were not finite somewhere."""
+    for row in scores.drop_duplicates("network").to_dict(orient="records"):
+        if row["failure"] is not None:
+            yield f"{row['network']}  failed: {' '.join(str(row['failure']).split())}"
+        elif row["flagged"]:
+            yield f"{row['network']}: not finite on {row['flagged']} of {row['images']} images"

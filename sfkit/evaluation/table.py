@@ -117,6 +117,32 @@ def score_table(
     return table
 
 
+def image_table(
+    evaluators: Sequence[Evaluator],
+    recipes: Mapping[str, Recipe],
+    *,
+    metrics: Sequence[str] = (),
+) -> pd.DataFrame:
+    """As :func:`score_table`, one row a (network, image, metric): each image's own error.
+
+    Returns:
+        Columns ``network``, ``benchmark``, ``image``, ``metric``, ``unit`` and ``score``; no row of a network
+        that failed.
+    """
+    rows = []
+    for evaluator in evaluators:
+        benchmark = evaluator.benchmark
+        wanted = benchmark.measurable(metrics) or (evaluator.metric,)
+        evaluations = evaluator.evaluate(list(recipes.values()))
+        evaluator.release()
+        for name, evaluation in zip(recipes, evaluations, strict=True):
+            for image in evaluation.images:
+                for metric in wanted:
+                    value = image.value(metric)
+                    rows.append((name, benchmark.name, image.id, metric.name, metric.unit, value))
+    return pd.DataFrame(rows, columns=["network", "benchmark", "image", "metric", "unit", "score"])
+
+
 def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
     """The table people read: a row a network, a column a benchmark, protocol and metric, as first met.
 

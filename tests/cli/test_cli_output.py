@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -80,7 +81,9 @@ def test_evaluate(shell: Shell, world: Path) -> None:
     with EvaluationStore(world / "s.sqlite") as store:
         assert len(store) == 8, "the uniform merge is the subset of all"
     text, progress = shell(line)
-    assert f"{scores['base']:.4f} %" in text
+    assert re.search(rf"^base +{scores['base']:.4f}$", text, re.MULTILINE)
+    assert text.splitlines()[1].split() == ["network", "bad-1.0", "[%]"]
+    assert max(map(len, text.splitlines())) <= 80
     assert "bad-1.0 under protocol all-valid on pairs (2 pairs)" in text
     assert progress.splitlines()[-1] == "pairs: 8 of 8 networks scored", "all from the store"
 
@@ -311,7 +314,8 @@ def test_weights_that_overflow_score_as_wrong_everywhere(shell: Shell, world: Pa
     }
     save_file(huge, world / "pool" / "a.safetensors")
     text, errors = shell(f"evaluate pool {PAIRS} --subset kitti --metric bad-1.0")
-    assert "100.0000 %  (not finite on 2 of 2 images)" in text
+    assert re.search(r"^kitti +100\.0000$", text, re.MULTILINE)
+    assert text.endswith("kitti: not finite on 2 of 2 images\n")
     assert errors.count("warning: ") == 1
 
 

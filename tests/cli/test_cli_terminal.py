@@ -18,7 +18,7 @@ ESCAPE = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 
 class Screen:
-    """Standard error that says it is a terminal."""
+    """Standard error that says it is a terminal; made in the test, where pytest has put its own in place."""
 
     def __init__(self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("TERM", "xterm")
@@ -31,12 +31,10 @@ class Screen:
         return self._capsys.readouterr().err
 
 
-@pytest.fixture
-def screen(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Screen:
-    return Screen(capsys, monkeypatch)
-
-
-def test_a_terminal_has_a_bar_with_the_time_left_and_lines_above_it(screen: Screen) -> None:
+def test_a_terminal_has_a_bar_with_the_time_left_and_lines_above_it(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = Screen(capsys, monkeypatch)
     with Bars() as bars:
         bars("Stage 1", 0, 8, line="never said")
         bars("Stage 1", 3, 8, "best 12.5")
@@ -54,7 +52,10 @@ def test_a_terminal_has_a_bar_with_the_time_left_and_lines_above_it(screen: Scre
     assert "\x1b[33m" in written, "the word warning is yellow"
 
 
-def test_trainings_side_by_side_have_a_bar_each(screen: Screen) -> None:
+def test_trainings_side_by_side_have_a_bar_each(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = Screen(capsys, monkeypatch)
     with Bars(side_by_side=True) as bars:
         bars.hear("kitti: step 50 of 300, loss 0.125, 9 s left")
         bars.hear("indoor: step 50 of 300, loss 0.250, 9 s left")
@@ -78,8 +79,9 @@ def test_elsewhere_there_are_plain_lines(capsys: pytest.CaptureFixture[str]) -> 
 
 @pytest.mark.parametrize(("name", "value"), [("NO_COLOR", "1"), ("TERM", "dumb")])
 def test_who_wants_no_colour_gets_none(
-    name: str, value: str, screen: Screen, monkeypatch: pytest.MonkeyPatch
+    name: str, value: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    Screen(capsys, monkeypatch)
     sentence = "error: x\nwithin noise of base; better than a, worse than b"
     painted = coloured(sentence, sys.stderr)
     assert ESCAPE.sub("", painted) == sentence
@@ -90,8 +92,9 @@ def test_who_wants_no_colour_gets_none(
 
 
 def test_a_search_moves_its_bar_with_every_network(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], screen: Screen
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    Screen(capsys, monkeypatch)
     rename_sources(write_pool(tmp_path / "pool"))
     write_pairs(tmp_path / "pairs", 2)
     monkeypatch.chdir(tmp_path)
