@@ -30,6 +30,7 @@ from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.headed import ShownTable, publish_table, score_rows, shown_table
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
+from sfkit.analysis.networks import measure_networks
 from sfkit.analysis.overfit import (
     HoldoutCheck,
     LearningCurve,
@@ -143,6 +144,7 @@ __all__ = [
     "latex_table",
     "learning_curve",
     "markdown_table",
+    "measure_networks",
     "measure_recipes",
     "measure_with",
     "method_cost",

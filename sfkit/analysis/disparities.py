@@ -140,25 +140,8 @@ class Comparison:
         one = self.benchmark.select([pair])
         inputs = self.pool.architecture.inputs(self.pool.options)
         prepared = PreparedBenchmark(one, inputs, Quantities.of(*self.metrics))
-        sample = prepared.samples[0]
-        comparand = Comparand.of(sample, prepared.truth(0), *self.metrics)
-        maps: list[NetworkMaps] = []
-        for name, network in self.networks.items():
-            disparity = self._disparity(network, prepared)
-            record = prepared.errors(0, disparity)
-            scores = {metric.name: record.value(metric) for metric in self.metrics}
-            maps.append(NetworkMaps(name, disparity, comparand.map(disparity), scores))
-        return DisparityPanels(
-            benchmark=one.name,
-            protocol=one.protocol,
-            pair=sample.id,
-            left=sample.left,
-            truth=comparand.truth,
-            networks=tuple(maps),
-            limits=comparand.limits(np.stack([one.disparity for one in maps])),
-            threshold=comparand.threshold,
-            right=None if comparand.labelled else sample.right,
-        )
+        found = {name: self._disparity(network, prepared) for name, network in self.networks.items()}
+        return panels_of(prepared, found, self.metrics)
 
     def _disparity(self, network: Network, prepared: PreparedBenchmark) -> Map:
         if isinstance(network, LoadedNetwork):
@@ -166,6 +149,36 @@ class Comparison:
             return predict(network, sample.left, sample.right)
         self._model.apply(network)
         return Worker(self._model, prepared).predict(0)
+
+
+def panels_of(
+    prepared: PreparedBenchmark, disparities: Mapping[str, Map], metrics: Sequence[Metric]
+) -> DisparityPanels:
+    """The maps of a benchmark's only pair.
+
+    Args:
+        prepared: of that pair.
+        disparities: panel name -> prediction (H, W) in pixels.
+        metrics: scores to show.
+    """
+    sample, benchmark = prepared.samples[0], prepared.benchmark
+    comparand = Comparand.of(sample, prepared.truth(0), *metrics)
+    maps: list[NetworkMaps] = []
+    for name, disparity in disparities.items():
+        record = prepared.errors(0, disparity)
+        scores = {metric.name: record.value(metric) for metric in metrics}
+        maps.append(NetworkMaps(name, disparity, comparand.map(disparity), scores))
+    return DisparityPanels(
+        benchmark=benchmark.name,
+        protocol=benchmark.protocol,
+        pair=sample.id,
+        left=sample.left,
+        truth=comparand.truth,
+        networks=tuple(maps),
+        limits=comparand.limits(np.stack([one.disparity for one in maps])),
+        threshold=comparand.threshold,
+        right=None if comparand.labelled else sample.right,
+    )
 
 
 def disparity_panels(

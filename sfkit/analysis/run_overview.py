@@ -15,7 +15,7 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.operators import SMALLEST
-from sfkit.search.run_folder import SEARCH
+from sfkit.search.run_folder import NAMES, SEARCH
 from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs
 
 
@@ -167,6 +167,17 @@ def recorded_metrics(path: Path) -> str | None:
         return ", ".join(map(_with_unit, read_json(record)["metrics"])) or None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         warnings.warn(f"{record}: does not say which search this is ({error})", SfkitWarning, stacklevel=2)
+        return None
+
+
+def recorded_benchmarks(path: Path) -> str | None:
+    """The names of the benchmarks that guided the search of a folder; None where it does not say them."""
+    record = path / SEARCH
+    if not record.is_file():
+        return None
+    try:
+        return ", ".join(map(str, read_json(record)[NAMES])) or None
+    except (InputError, KeyError, TypeError):  # of an earlier version, or damaged, which metrics tell
         return None
 
 

@@ -79,6 +79,11 @@ ENTRIES = {
     ),
     "merge": Entry("Write one merged network, in the key names of the original checkpoints.", "merge"),
     "evaluate": Entry("Score networks merged from a pool; lower is better.", "evaluate", grouped=True),
+    "compare": Entry(
+        "Say whether network B is better than A on a benchmark: the difference with its interval over pairs.",
+        "compare",
+        grouped=True,
+    ),
     "baselines": Entry(
         "Run the baselines on a validation benchmark: what each chose, scores there, and cost.",
         "baselines",

@@ -30,22 +30,26 @@ Store = Annotated[Path, typer.Argument(help="An evaluation store.", show_default
 def list_runs(
     root: Annotated[Path, typer.Argument(help="Where to look.")] = Path("runs"), json: JsonOption = False
 ) -> None:
-    """List searches with state, best score, evaluations and seconds, the latest first.
+    """List searches with benchmark, state, best score, evaluations and seconds, the latest first.
 
     \b
     Example:
       sfkit runs list runs
     """
-    from sfkit.analysis.run_overview import recorded_metrics
+    from sfkit.analysis.run_overview import recorded_benchmarks, recorded_metrics
     from sfkit.cli import tables
     from sfkit.search.runs import find_runs, run_table
 
     runs = find_runs(root)
     metrics = {str(run.folder): recorded_metrics(run.folder) for run in runs}
     records = run_table(runs).to_dict(orient="records")
-    rows = [{**record, "metric": metrics[record["run"]]} for record in records]
-    heads = ("run", "stage", "state", "metric", "best", "evaluations", "cached", "seconds")
-    values = [[row[head] for head in heads] for row in rows]
+    benchmarks = {str(run.folder): recorded_benchmarks(run.folder) for run in runs}
+    rows = [
+        {**record, "metric": metrics[record["run"]], "benchmark": benchmarks[record["run"]]}
+        for record in records
+    ]
+    heads = ("run", "stage", "state", "benchmark", "metric", "best", "scored", "seconds")
+    values = [[row["evaluations" if head == "scored" else head] for head in heads] for row in rows]
     text = "\n".join(tables.lines(heads, values, digits={"best": 4, "seconds": 1}))
     text = text if rows else f"{root}: no search has left a journal here"
     emit({"root": root, "runs": rows}, text, as_json=json)

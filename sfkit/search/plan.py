@@ -22,6 +22,7 @@ from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch, encoding_of
 from sfkit.search.routing_records import RoutingSettings
+from sfkit.search.run_folder import NAMES
 from sfkit.search.subset import SubsetSearch
 
 METHODS = ("paper", "bayesian")
@@ -134,6 +135,7 @@ class SearchPlan:
             "partition": pool.partition.fingerprint(),
             "benchmarks": [part.frame for part in parts if isinstance(part, Evaluator)],
             "metrics": [str(part.metric) for part in parts if isinstance(part, Evaluator)],
+            NAMES: [part.benchmark.name for part in parts if isinstance(part, Evaluator)],
             "combine": scorer.how if isinstance(scorer, CombinedScorer) else None,
             "method": self.method,
             **self.describe(),

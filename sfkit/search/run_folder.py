@@ -19,6 +19,8 @@ from sfkit.errors import InputError
 from sfkit.files import write_text
 
 SEARCH = "search.json"
+NAMES = "names"
+"""In that file, what the benchmarks are called: for people, since a renamed one makes no other search."""
 LOCK = ".lock"
 STORE = "evaluations.sqlite"
 OUTPUTS = ("journal.jsonl", "stage1.csv", "stage2.csv", "recipe.json", "merged.safetensors", "result.json")
@@ -95,7 +97,7 @@ def _refuse_other(path: Path, identity: Mapping[str, Any]) -> None:
         raise InputError(
             f"{record}: cannot be read ({error}), expected which search this is: {_REMEDY}"
         ) from error
-    there, here = dict(_flat(held)), dict(_flat(identity))
+    there, here = (dict(_flat(_nameless(one))) for one in (held, identity))
     unlike = [key for key in dict.fromkeys((*here, *there)) if here.get(key, "") != there.get(key, "")]
     if unlike:
         named = ", ".join(
@@ -103,6 +105,12 @@ def _refuse_other(path: Path, identity: Mapping[str, Any]) -> None:
         )
         more = f" and {len(unlike) - _NAMED} more" if len(unlike) > _NAMED else ""
         raise InputError(f"{path}: holds another search ({named}{more}): {_REMEDY}")
+
+
+def _nameless(identity: object) -> object:
+    if not isinstance(identity, Mapping):
+        return identity
+    return {key: value for key, value in identity.items() if key != NAMES}
 
 
 def _flat(value: object, name: str = "") -> Iterator[tuple[str, object]]:

@@ -26,6 +26,7 @@ def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:
     assert fresh + 1 == found[0]["evaluations"]["computed"], "one told before what the search would cost"
 
     assert {row["metric"] for row in rows} == {"epe [px]"}
+    assert {row["benchmark"] for row in rows} == {"pairs"}
     text, _ = shell("runs list runs")
     assert max(map(len, text.splitlines())) <= 80
     assert f"{rows[0]['best']:.4f}" in text.splitlines()[1]
