@@ -1,4 +1,4 @@
-"""Several networks at once: ``evaluate`` of all, ``compare`` of two; what ``merge``, ``search``, ``open`` say."""
+"""Several networks at once: `evaluate` and `compare`; and what `merge`, `search` and `open` say."""
 
 from __future__ import annotations
 
