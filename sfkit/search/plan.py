@@ -80,8 +80,12 @@ class SearchPlan:
 
     def candidates(self, pool: Pool) -> dict[str, int]:
         """``Stage 1``, ``Stage 2`` -> the most candidates it proposes, those met again included."""
-        first = {"Stage 1": self.subset_search(pool, _nobody).most} if self.subset is None else {}
-        return first if self.stage2 is None else {**first, "Stage 2": self.stage2.evaluations}
+        most = {}
+        if self.subset is None:
+            most["Stage 1"] = self.subset_search(pool.names, pool.blocks, _nobody).most
+        if self.stage2 is not None:
+            most["Stage 2"] = self.stage2.evaluations
+        return most
 
     def by(self, method: str, batch: int = 1) -> SearchPlan:
         """The same search by one of ``METHODS``, in that method's own sizes.
