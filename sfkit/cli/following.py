@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-from sfkit.cli.options import printable, say
+from sfkit.cli.terminal import Bars, say
 
 Piece = TypeVar("Piece")
 
@@ -22,20 +21,9 @@ def followed(
         total: how many there will be; None where nobody knows.
         what: stands before the bar.
     """
-    if not sys.stderr.isatty():
+    with Bars() as bars:
         for number, piece in enumerate(pieces, 1):
             if (text := line(number, piece)) is not None:
                 say(text)
-            yield piece
-        return
-    from rich import progress as rich
-    from rich.console import Console
-
-    columns = (rich.TextColumn("{task.description}"), rich.BarColumn(), rich.MofNCompleteColumn())
-    with rich.Progress(*columns, rich.TimeRemainingColumn(), console=Console(stderr=True)) as bar:
-        task = bar.add_task(what, total=total)
-        for number, piece in enumerate(pieces, 1):
-            if (text := line(number, piece)) is not None:
-                bar.console.print(printable(text), markup=False, highlight=False, soft_wrap=True)
-            bar.advance(task)
+            bars(what, number, total)
             yield piece

@@ -25,6 +25,7 @@ _WORDS = re.compile(
 _SHAPE = "{desc} {percentage:3.0f} % |{bar}| {n:.0f} of {total:.0f}, {elapsed}, {remaining} left{postfix}"
 
 _STEP = re.compile(r"(?P<step>.+?):? (?:step )?(?P<done>\d+) of (?P<total>\d+)(?:[,:] (?P<note>.*))?")
+_COUNT = "{desc} {n:.0f}, {elapsed}{postfix}"
 
 _shown: dict[str, tqdm[None]] = {}
 """The bars that are on the screen, by their steps: lines are written above them."""
@@ -79,14 +80,14 @@ class Bars:
         self._close(*_shown)
 
     def __call__(
-        self, step: str, done: float, total: float, note: str = "", *, line: str | None = None
+        self, step: str, done: float, total: float | None, note: str = "", *, line: str | None = None
     ) -> None:
         """So much of a step is done.
 
         Args:
             step: its name.
             done: of it, in whatever unit.
-            total: all of it.
+            total: all of it; None where nobody knows.
             note: what to show beside a bar, such as the best score so far.
             line: what to say where there are no bars; nothing unless given.
         """
@@ -98,9 +99,9 @@ class Bars:
             self._close(*(other for other in _shown if other != step))
         self._done[step] = done
         bar = _shown.get(step) or self._bar(step, total)
-        bar.total, bar.n = max(total, done), done
+        bar.total, bar.n = total and max(total, done), done
         bar.set_postfix_str(printable(note))
-        if done >= total:
+        if total is not None and done >= total:
             self._close(step)
 
     def hear(self, line: str) -> None:
@@ -114,10 +115,10 @@ class Bars:
     def within(self, done: float, total: float) -> None:
         """So many of the networks are scored that the step under way asked for; without bars nothing."""
         for step, bar in _shown.items():
-            bar.n = min(self._done[step] + done, bar.total) if total else bar.n
+            bar.n = min(self._done[step] + done, bar.total) if total and bar.total else bar.n
             bar.refresh()
 
-    def _bar(self, step: str, total: float) -> tqdm[None]:
+    def _bar(self, step: str, total: float | None) -> tqdm[None]:
         from tqdm import tqdm
 
         colour = None if os.environ.get("NO_COLOR") else "green"
@@ -125,7 +126,7 @@ class Bars:
         bar = tqdm(
             total=total,
             desc=name,
-            bar_format=_SHAPE,
+            bar_format=_SHAPE if total is not None else _COUNT,
             dynamic_ncols=True,
             leave=self._keep,
             colour=colour,

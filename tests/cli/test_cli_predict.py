@@ -82,7 +82,7 @@ def test_a_bar_on_a_terminal(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setenv("TERM", "xterm")
     _, errors = shell(f"predict {BASE} -l pairs/pair0/left.png -r pairs/pair0/right.png -o out")
     assert "1 of 1: left.png and right.png -> out/left.pfm" in errors
-    assert "1/1" in errors
+    assert "pairs 100 % |" in errors
     assert "\x1b[" in errors
 
 
