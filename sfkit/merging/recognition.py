@@ -14,9 +14,13 @@ from sfkit.architectures import architecture, architectures
 from sfkit.checkpoints.headers import is_checkpoint_name
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.spec import ROWS
-from sfkit.errors import InputError, SfkitWarning
+from sfkit.errors import InputError, SfkitWarning, unknown_name
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.tensor_specs import tensor_specs
+
+BASES = ("base", "pretrain", "sceneflow", "scene_flow")
+"""Words in the names of files that others were fine-tuned from."""
+ALIKE = 1.1  # distances that differ less may be either's
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,16 @@ def recognised(path: Path) -> tuple[str, ...]:
     return tuple(fitting)
 
 
-def family(folder: Path) -> Family:
+def family(folder: Path, base: str | None = None) -> Family:
     """The checkpoints of a folder as a pool: one architecture, a base, and sources.
 
+    Args:
+        folder: of checkpoints.
+        base: the base's file name; guessed unless given.
+
     Raises:
-        InputError: no folder, fewer than two checkpoints, or none whose architecture is known.
+        InputError: no folder, fewer than two checkpoints, none whose architecture is known, or no ``base``
+            among them.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one of checkpoints")
@@ -89,10 +98,12 @@ def family(folder: Path) -> Family:
             "name your own with --import FILE, or write pool.toml by hand"
         )
     skipped |= {p: f"{p}: fits {', '.join(f)}, not {name}" for p, f in kinds.items() if f and name not in f}
-    return _family(name, members, skipped)
+    if base is not None and base not in {path.name for path in members}:
+        raise unknown_name("--base", base, [path.name for path in members])
+    return _family(name, members, skipped, base)
 
 
-def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str]) -> Family:
+def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str], said: str | None) -> Family:
     entry = architecture(name)
     options = entry.resolve(near=members[0])
     opener = PoolOpener(entry, options, tensor_specs(entry, options))
@@ -109,7 +120,11 @@ def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str]) -> 
     }
     farthest = {p: max(apart[frozenset((p, o))] for o in members if o != p) / norms[p] for p in members}
     # Fine-tunes of fine-tunes lie in clusters, which a mean distance would follow: the largest one does not.
-    base = min(members, key=lambda path: farthest[path])
+    near = [p for p in members if farthest[p] <= ALIKE * min(farthest.values())]
+    named = [path for path in near if any(word in path.stem.lower() for word in BASES)]
+    # A base and a fine-tune of which there are further ones may lie alike: then a name says more.
+    base = min(named or near, key=lambda path: farthest[path])
+    base = next((path for path in members if path.name == said), base)
     cosines = {p: float(flat[p] @ flat[base]) / (norms[p] * norms[base]) for p in members}
     return Family(name, base, tuple(p for p in members if p != base), farthest, cosines, skipped)
 
