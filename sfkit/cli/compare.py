@@ -147,7 +147,7 @@ def _lines(
     maps: Path | None,
 ) -> list[str]:
     heads = {f"{metric} [{one.unit}]": metric for metric, one in zip(metrics, found, strict=True)}
-    rows = [
+    rows: list[list[str | float | None]] = [
         [name, *(measured.score(name, metric=metric) for metric in heads.values())]
         for name in measured.networks
     ]

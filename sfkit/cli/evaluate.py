@@ -166,7 +166,7 @@ def _text(evaluator: Evaluator, scores: pd.DataFrame, images: pd.DataFrame | Non
         rows.setdefault(tuple(row[key] for key in keys), {})[row["metric"]] = row["score"]
     heads = {f"{metric} [{unit}]": metric for metric, unit in units.items()}
     failed = dict(zip(scores["network"], scores["failure"], strict=True))
-    cells = [
+    cells: list[list[str | float | None]] = [
         [*key, *(values[metric] for metric in heads.values())]
         for key, values in rows.items()
         if failed[key[0]] is None

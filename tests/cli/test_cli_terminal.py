@@ -103,7 +103,7 @@ def test_a_search_moves_its_bar_with_every_network(
     monkeypatch.setattr(Bars, "within", lambda bars, *at: (reached.append(at), within(bars, *at))[1])
     line = "search pool -b pairs -r pairs --population 4 --generations 1 --evaluations 4 -o run"
     _, written = Shell(capsys)(line)
-    assert (0, 4) in reached or (1, 4) in reached, "one of a generation's four networks at a time"
+    assert any(0 < done < total for done, total in reached), "one of a generation's networks at a time"
     text = ESCAPE.sub("", written)
     assert re.search(r"Stage 1 100 % \|.*\| 8 of 8", text)
     assert re.search(r"Stage 2 100 % \|.*\| 4 of 4, .* best \d+\.\d{4} \(", text)
