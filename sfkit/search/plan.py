@@ -82,7 +82,7 @@ class SearchPlan:
         """``Stage 1``, ``Stage 2`` -> the most candidates it proposes, those met again included."""
         most = {}
         if self.subset is None:
-            most["Stage 1"] = self.subset_search(pool.names, pool.blocks, _nobody).most
+            most["Stage 1"] = self.stage1.proposals(self.constraints.space(pool.names, pool.blocks))
         if self.stage2 is not None:
             most["Stage 2"] = self.stage2.evaluations
         return most
