@@ -21,6 +21,7 @@ ELSEWHERE = {  # page -> the file it is made from
 PAGE_OF = {path: page for page, path in ELSEWHERE.items()}
 REPORTS = ROOT / "build" / "notebooks"
 
+SEARCH = '<div class="md-search" data-md-component="search" role="dialog"'
 LINK = re.compile(r"(?<!`)\]\(([^)\s]+)\)")
 DISPLAY = re.compile(r"^\$\$\n?(.+?)\n?\$\$$", re.MULTILINE | re.DOTALL)
 INLINE = re.compile(r"(?<![\\$`\w])\$([^$\n`]+?)\$(?![\w$])")
@@ -50,6 +51,11 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     return "".join(parts)
 
 
+def on_post_page(output: str, **_: Any) -> str:
+    """The search that the theme opens as a dialog has no name of its own."""
+    return output.replace(SEARCH, f'{SEARCH} aria-label="Search"')
+
+
 def home_of(page: Page) -> str | None:
     """The file a page is made from; None for one of docs/."""
     return ELSEWHERE.get(page.file.src_uri)
@@ -76,9 +82,14 @@ def _target(link: str, folder: Path, page: Page) -> str:
 
 
 def _equations(text: str) -> str:
-    shown = DISPLAY.sub(lambda found: convert(found[1].strip(), display="block"), text)
+    shown = DISPLAY.sub(lambda found: _displayed(found[1]), text)
     # In a span: Markdown takes a line that begins with <math> for a block of its own.
     return INLINE.sub(lambda found: f"<span>{convert(found[1])}</span>", shown)
+
+
+def _displayed(equation: str) -> str:
+    """An equation of its own line; one that is too wide scrolls, which takes the keyboard as well."""
+    return convert(equation.strip(), display="block").replace("<math ", '<math tabindex="0" ', 1)
 
 
 def _notebooks() -> str:
