@@ -42,7 +42,7 @@ peers: $(PEERS) ## cross-check merging against mergekit, in its own environment
 
 soak: $(INSTALLED) ## kill searches at many more random moments, damage many more files; KILLS=1000, FUZZ=2000
 	SFKIT_FUZZ=$(FUZZ) SFKIT_KILLS=$(KILLS) SFKIT_ENGINE_KILLS=$$(( ($(KILLS) + 19) / 20 )) SFKIT_KILLS_SEED=$$(date +%s) \
-	  $(BIN)/python -m pytest --slow -n $(JOBS) $(SOAK) $(PYTEST)
+	  $(BIN)/python -m pytest --slow -n $(JOBS) -o faulthandler_timeout=0 $(SOAK) $(PYTEST)
 
 lint: $(INSTALLED) ## check style, types, and that notebooks carry no outputs
 	$(BIN)/ruff check .

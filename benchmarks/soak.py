@@ -1,0 +1,135 @@
+"""The soak: searches killed at random moments, damaged files by the thousand; what passed, at what cost.
+
+    python benchmarks/soak.py [--kills 200] [--fuzz 2000] [--parts kills fuzz engines] [--read]
+
+Runs the tests that ``make soak`` runs, part by part, and keeps what pytest says of each in ``build/soak``;
+``--read`` prints what lies there. A twentieth as many kills fall on each parallel engine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+LOGS = ROOT / "build" / "soak"
+PARTS = {
+    "kills": "tests/search/test_search_killed.py",
+    "fuzz": "tests/outside/test_outside_fuzz.py",
+    "engines": "tests/search/test_search_killed_engines.py",
+}
+_SHARE, _READER = "at_a_random_moment", "only_sentences_come_out"
+
+
+@dataclass(frozen=True)
+class Part:
+    """One file of tests.
+
+    Attributes:
+        name: ``kills``, ``fuzz`` or ``engines``.
+        asked: how many kills in all, damaged files a reader, or kills of an engine.
+        passed: tests that passed, by name.
+        failed: tests that did not.
+        seconds: CPU seconds of all its processes; NaN where it was stopped.
+    """
+
+    name: str
+    asked: int
+    passed: tuple[str, ...]
+    failed: tuple[str, ...]
+    seconds: float
+
+    @property
+    def said(self) -> str:
+        """What was survived, in words."""
+        if self.name == "kills":
+            return f"{len(self._of(_SHARE)) * self.asked // 10} kills of a search in one process"
+        if self.name == "fuzz":
+            readers = len(self._of(_READER))
+            return f"{readers * self.asked:,} damaged files, {self.asked:,} for each of {readers} readers"
+        ends = {"test_processes": self.asked, "test_ray": max(1, self.asked // 2)}
+        there = [f"{n} kills with {name[5:]}" for name, n in ends.items() if self._of(name)]
+        return ", ".join(there) or "no kill of a parallel search"
+
+    def _of(self, word: str) -> list[str]:
+        return [name for name in self.passed if word in name]
+
+
+def run(name: str, kills: int, fuzz: int, log: Path) -> None:
+    """Run one part and keep what pytest says of it."""
+    asked = {"kills": kills, "fuzz": fuzz, "engines": -(-kills // 20)}[name]
+    environment = {
+        **os.environ,
+        "OMP_NUM_THREADS": "1",
+        "SFKIT_FUZZ": str(fuzz),
+        "SFKIT_KILLS": str(kills),
+        "SFKIT_ENGINE_KILLS": str(-(-kills // 20)),
+        "SFKIT_KILLS_SEED": str(int(time.time())),
+    }
+    words = [sys.executable, "-m", "pytest", "--slow", "-v", "-o", "faulthandler_timeout=0", PARTS[name]]
+    log.parent.mkdir(parents=True, exist_ok=True)
+    before = _spent()
+    with log.open("w", encoding="utf-8") as stream:
+        stream.write(f"asked {asked}\n")
+        stream.flush()
+        subprocess.run(words, cwd=ROOT, env=environment, stdout=stream, stderr=stream, check=False)
+        stream.write(f"cpu {_spent() - before:.1f}\n")
+
+
+def read(name: str, text: str) -> Part:
+    """What a log says."""
+    ends = re.findall(r"::(\S+) .*?(PASSED|FAILED|ERROR)", text, re.DOTALL)
+    asked = re.search(r"^asked (\d+)$", text, re.MULTILINE)
+    cpu = re.search(r"^cpu ([\d.]+)$", text, re.MULTILINE)
+    return Part(
+        name,
+        int(asked[1]) if asked else 0,
+        tuple(test for test, end in ends if end == "PASSED"),
+        tuple(test for test, end in ends if end != "PASSED"),
+        float(cpu[1]) if cpu else float("nan"),
+    )
+
+
+def table(parts: Sequence[Part]) -> str:
+    """A row a part."""
+    rows = ["| part | survived | tests passed | failed | CPU seconds |", "|---|---|---|---|---|"]
+    for part in parts:
+        cost = "stopped" if part.seconds != part.seconds else f"{part.seconds:.0f}"
+        rows.append(f"| {part.name} | {part.said} | {len(part.passed)} | {len(part.failed)} | {cost} |")
+    return "\n".join(rows)
+
+
+def kept(folder: Path = LOGS) -> list[Part]:
+    """The parts that were run."""
+    logs = ((name, folder / f"{name}.log") for name in PARTS)
+    return [read(name, log.read_text(encoding="utf-8")) for name, log in logs if log.is_file()]
+
+
+def _spent() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the parts, or read them, and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--fuzz", type=int, default=2000)
+    parser.add_argument("--parts", nargs="*", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--read", action="store_true", help="run nothing")
+    options = parser.parse_args(arguments)
+    for name in () if options.read else options.parts:
+        run(name, options.kills, options.fuzz, LOGS / f"{name}.log")
+    print(table(kept()))
+
+
+if __name__ == "__main__":
+    main()

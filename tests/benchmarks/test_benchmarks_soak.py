@@ -1,0 +1,54 @@
+"""The soak's figures are read from what pytest said, and a run that was stopped is told as such."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+SHARE = "tests/search/test_search_killed.py::test_a_search_killed_at_a_random_moment_ends_bit_identically"
+
+
+@pytest.fixture
+def soak() -> Iterator[ModuleType]:
+    sys.path.insert(0, str(FOLDER))
+    yield importlib.import_module("soak")
+    sys.path.remove(str(FOLDER))
+    del sys.modules["soak"]
+
+
+def test_kills_are_those_of_the_shares_that_passed(soak: ModuleType) -> None:
+    text = f"asked 200\n{SHARE}[0] PASSED [  9%]\n{SHARE}[1] FAILED [ 18%]\n{SHARE}[2] PASSED\ncpu 91.5\n"
+    part = soak.read("kills", text)
+    assert (part.said, len(part.failed), part.seconds) == (
+        "40 kills of a search in one process",
+        1,
+        91.5,
+    )
+    stopped = soak.read("kills", text.partition("cpu")[0] + f"{SHARE}[3] ")
+    assert math.isnan(stopped.seconds)
+    assert len(stopped.passed) == 2
+    assert "| stopped |" in soak.table([stopped])
+
+
+def test_readers_and_engines(soak: ModuleType) -> None:
+    place = "tests/outside/test_outside_fuzz.py::test_only_sentences_come_out"
+    fuzz = soak.read("fuzz", f"asked 2000\n{place}[pfm] PASSED\n{place}[csv] PASSED\n{place}[png16] FAILED\n")
+    assert fuzz.said == "4,000 damaged files, 2,000 for each of 2 readers"
+    place = "tests/search/test_search_killed_engines.py::test_"
+    engines = soak.read("engines", f"asked 10\n{place}processes PASSED\n{place}ray PASSED\n")
+    assert engines.said == "10 kills with processes, 5 kills with ray"
+    assert soak.read("engines", "asked 10\n").said == "no kill of a parallel search"
+
+
+def test_every_part_is_a_file_of_the_soak_s(soak: ModuleType) -> None:
+    make = (FOLDER.parent / "Makefile").read_text()
+    for file in soak.PARTS.values():
+        assert (FOLDER.parent / file).is_file()
+        assert file in make
