@@ -16,9 +16,9 @@ def section() -> str:
     note = f"\n\nNot run that time: {', '.join(left)}." if left else ""
     return f"""## The soak: kill -9 and damaged files
 
-`python benchmarks/soak.py`, which runs the tests of `make soak KILLS=200`. A search is killed with SIGKILL at a
-random moment between its first and its last evaluation and started again: it must end with the same files to the
-last byte, and compute nothing twice. Readers of outside data get sound files with a few bytes cut out, put in or
-changed: only `InputError` may come out.
+`python benchmarks/soak.py`, which runs the tests of `make soak KILLS=200`. A search is killed with SIGKILL
+at a random moment between its first and its last evaluation and started again: it must end with the same
+files to the last byte, and compute nothing twice. Readers of outside data get sound files with a few bytes
+cut out, put in or changed: only `InputError` may come out.
 
 {table(parts)}{note}"""
