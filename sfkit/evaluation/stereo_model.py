@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.images import read_image
-from sfkit.datasets.videos import frames
+from sfkit.datasets.videos import StereoVideo, frames
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.point_cloud import PointCloud, depth_of, point_cloud
@@ -104,24 +104,25 @@ class StereoModel:
         ]
 
     def stream(
-        self, left: Iterable[Image] | str | Path, right: Iterable[Image] | str | Path
+        self,
+        left: Iterable[Image] | str | Path,
+        right: Iterable[Image] | str | Path | None = None,
+        *,
+        layout: str | None = None,
     ) -> Iterator[Disparity]:
         """Disparities one by one, of frames that come one by one.
 
         Args:
             left: images, or the name of a video file.
-            right: the same of the right camera, frame for frame.
+            right: the same of the right camera, frame for frame; None where ``layout`` says where it is.
+            layout: of a video of both views, ``"side-by-side"`` or ``"top-bottom"``.
 
         Raises:
-            InputError: as a call, a video cannot be read, or one side ends before the other.
+            InputError: as a call, a video cannot be read, one side ends before the other, or a layout meets
+                anything but one video.
         """
-        lefts, rights = (frames(s) if isinstance(s, str | Path) else s for s in (left, right))
-        for a, b in itertools.zip_longest(lefts, rights):
-            if a is None or b is None:
-                raise InputError(
-                    f"{'left' if a is None else 'right'}: ends before the other side, expected as many frames"
-                )
-            yield from self._predict([(_image(a, "left"), _image(b, "right"))])
+        for pair in _frames(left, right, layout):
+            yield from self._predict([pair])
 
     def _predict(self, pairs: Sequence[tuple[NDArray[np.uint8], NDArray[np.uint8]]]) -> list[Disparity]:
         return [map_.view(Disparity) for map_ in predict_together(self.loaded, pairs)]
@@ -151,6 +152,23 @@ def load(
     """
     check_device(device)
     return StereoModel(load_network(path, name=architecture, options=options), device)
+
+
+def _frames(
+    left: Iterable[Image] | str | Path, right: Iterable[Image] | str | Path | None, layout: str | None
+) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.uint8]]]:
+    """Both views of each frame, of videos or of whatever yields images."""
+    if isinstance(left, str | Path) and (right is None or isinstance(right, str | Path)):
+        yield from StereoVideo(Path(left), None if right is None else Path(right), layout).pairs()
+        return
+    if layout is not None or right is None:
+        raise InputError("stream: found images, expected those of the right camera too, and no layout")
+    lefts, rights = (frames(side) if isinstance(side, str | Path) else side for side in (left, right))
+    for a, b in itertools.zip_longest(lefts, rights):
+        if a is None or b is None:
+            short = "left" if a is None else "right"
+            raise InputError(f"{short}: ends before the other side, expected as many frames")
+        yield _image(a, "left"), _image(b, "right")
 
 
 def _image(image: Image, side: str) -> NDArray[np.uint8]:

@@ -55,6 +55,19 @@ def test_depth_is_focal_times_baseline_by_disparity(merged: Path) -> None:
     assert depth.shape == disparity.shape
 
 
+def test_points_are_the_depths_seen_from_the_principal_point(merged: Path, tmp_path: Path) -> None:
+    left, right = pair()
+    disparity = sfkit.load(merged)(left, right)
+    disparity[:] = np.nan
+    disparity[10, 20], disparity[30, 40] = 7.0, 1.0
+    cameras = sfkit.Calibration(700.0, 0.5, 3.0, centre=(13.0, 20.0), size=(70, 40))
+    cloud = disparity.point_cloud(left, cameras, farthest=50.0)
+    np.testing.assert_allclose(cloud.points, [[7 * 35 / 700, -10 * 35 / 700, 35.0]], rtol=1e-6)
+    assert cloud.colours.tolist() == [left[10, 20].tolist()]
+    with pytest.raises(InputError, match="is of images of 70x40 pixels, found 70x20"):
+        disparity[:20].depth(cameras)
+
+
 def test_lists_go_through_together_whatever_their_sizes(merged: Path) -> None:
     model = sfkit.load(merged)
     pairs = [pair(n, size) for n, size in enumerate([(40, 70)] * 6 + [(33, 50)] + [(40, 70)])]
@@ -91,11 +104,27 @@ def test_videos(merged: Path, tmp_path: Path) -> None:
     np.testing.assert_array_equal(
         first, model(next(frames(tmp_path / "l.avi")), next(frames(tmp_path / "r.avi")))
     )
-    with pytest.raises(InputError, match="right: ends before the other side"):
+    with pytest.raises(InputError, match=r"r\.avi: ends before .*l\.avi"):
         list(stream)
+    images = (pair(n)[0] for n in range(4))
+    with pytest.raises(InputError, match="right: ends before the other side"):
+        list(model.stream(images, tmp_path / "r.avi"))
     (tmp_path / "no.avi").write_bytes(b"no video")
     with pytest.raises(InputError, match=r"no\.avi: cannot be read as a video"):
         next(frames(tmp_path / "no.avi"))
+
+
+def test_a_video_of_both_views(merged: Path, tmp_path: Path) -> None:
+    both = tmp_path / "both.avi"
+    video = cv2.VideoWriter(str(both), cv2.VideoWriter.fourcc(*"MJPG"), 10, (140, 40))
+    video.write(np.hstack(pair()))
+    video.release()
+    model = sfkit.load(merged)
+    (found,) = model.stream(both, layout="side-by-side")
+    (frame,) = frames(both)
+    np.testing.assert_array_equal(found, model(frame[:, :70].copy(), frame[:, 70:].copy()))
+    with pytest.raises(InputError, match="expected those of the right camera too"):
+        next(model.stream([pair()[0]]))
 
 
 @pytest.mark.parametrize(
