@@ -2,23 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-import pytest
 from cli_world import Shell
 from safetensors.torch import load_file
-from tiny import write_pairs, write_pool
 
 PAIRS = "-b pairs -r pairs"
 SEARCH = f"search pool {PAIRS} --population 3 --generations 0 --evaluations 0 --yes -o run"
-
-
-@pytest.fixture
-def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
-    write_pool(tmp_path / "pool")
-    write_pairs(tmp_path / "pairs", 1)
-    monkeypatch.chdir(tmp_path)
-    return Shell(capsys)
 
 
 def kinds(file: str) -> set[str]:
