@@ -89,6 +89,30 @@ class LinearPaths:
                 )
         return tuple(told) or ("every straight line stays low: nothing speaks against merging these sources",)
 
+    def beside(self, summary: pd.DataFrame) -> pd.DataFrame:
+        """A pool's summary, with what the line from the base says of each source.
+
+        Args:
+            summary: of the pool (:meth:`sfkit.Pool.summary`), one row a member, indexed by names.
+
+        Returns:
+            The same rows and, beside them, ``score``: the member's own; ``half``: that of its midpoint
+            with the base; ``line``: ``low``, ``barrier`` or ``harms``. The base has the first alone.
+        """
+        ends = {path.end: path for path in self.paths if path.start == "base"}
+        base = next(iter(ends.values())).scores[0]
+        lines = [ends.get(name) for name in summary.index]
+        return summary.assign(
+            score=[base if path is None else path.scores[2] for path in lines],
+            half=[float("nan") if path is None else path.scores[1] for path in lines],
+            line=["" if path is None else self._word(path) for path in lines],
+        )
+
+    def _word(self, path: Path) -> str:
+        if path.end in self.harmful:
+            return "harms"
+        return "barrier" if path.blocked else "low"
+
     def table(self) -> pd.DataFrame:
         """One row a line."""
         rows = [

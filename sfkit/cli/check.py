@@ -53,8 +53,12 @@ def check(
         with Evaluator(opened, opened_benchmark) as evaluator, Bars(keep=False) as bars:
             evaluator.listen = lambda done, total: bars("midpoints", done, total)
             paths = linear_paths(evaluator)
-        lines += [paths.table().to_string(index=False, float_format="%.2f"), *paths.sentences]
+        members = paths.beside(opened.summary()).reset_index()
+        tables = (members, paths.table())
+        lines += [table.to_string(index=False, float_format="%.2f", na_rep="") for table in tables]
+        lines += paths.sentences
         document |= {
+            "members": members.astype(object).where(members.notna(), None).to_dict("records"),
             "paths": paths.table().to_dict("records"),
             "harmful": list(paths.harmful),
             "sentences": list(paths.sentences),

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 from pathlib import Path
 
+import pandas as pd
 import pytest
 import tiny
 import torch
@@ -14,8 +16,9 @@ from safetensors.torch import save_file
 import sfkit
 from sfkit.analysis.linear_path import LinearPaths, linear_paths
 from sfkit.analysis.linear_path import Path as Line
+from sfkit.cli import main
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.merging.recognition import family, pool_toml, recognised
+from sfkit.merging.recognition import family, recognised
 
 
 def test_the_middle_is_half_of_each(tmp_path: Path) -> None:
@@ -29,6 +32,29 @@ def test_the_middle_is_half_of_each(tmp_path: Path) -> None:
         outcome.score for outcome in evaluator([pool.equal("a"), pool.equal("a", "b"), pool.equal("b")])
     )
     assert len(found.table()) == 3
+    members = found.beside(pool.summary())
+    assert list(members["file"]) == list(pool.summary()["file"])
+    scores = [found.paths[0].scores[0], *(path.scores[2] for path in found.paths[:2])]
+    assert list(members["score"]) == scores
+    assert list(members["half"][1:]) == [path.scores[1] for path in found.paths[:2]]
+
+
+def test_the_command_shows_the_lines_in_the_pools_summary(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pool, pairs = tiny.write_pool(tmp_path, sources=2), tiny.write_pairs(tmp_path / "pairs")
+    documents = []
+    for words in (["--json"], []):
+        with pytest.raises(SystemExit) as ended:
+            main(["check", str(pool), "-b", "pairs", "--root", str(pairs), *words])
+        assert not ended.value.code
+        documents.append(capsys.readouterr().out)
+    told = json.loads(documents[0])
+    assert [member["name"] for member in told["members"]] == ["base", "a", "b"]
+    assert told["members"][0]["half"] is None
+    assert {member["line"] for member in told["members"][1:]} <= {"low", "barrier", "harms"}
+    assert told["sentences"][0] in documents[1]
+    assert "cosine to base" in documents[1]
 
 
 def test_barriers_and_harm_by_hand() -> None:
@@ -40,6 +66,9 @@ def test_barriers_and_harm_by_hand() -> None:
     assert found.harmful == ("b", "c")
     assert len(found.sentences) == 3
     assert "between a and b lies a barrier: 12.00 and 11.00 px at the ends, 20.00" in found.sentences[2]
+    members = found.beside(pd.DataFrame({"file": list("xyz")}, index=["base", "a", "b"]))
+    assert members["line"].tolist() == ["", "low", "harms"]
+    assert members["score"].tolist() == [10.0, 12.0, 40.0]
     assert LinearPaths((sound,), "px").sentences[0].startswith("every straight line stays low")
 
 
@@ -51,14 +80,23 @@ def real_pool(folder: Path, real_data: Path) -> Path:
     return folder
 
 
-def test_init_finds_the_base_and_the_paths_the_two_that_harm(tmp_path: Path, real_data: Path) -> None:
+def test_init_finds_the_base_and_the_paths_the_two_that_harm(
+    tmp_path: Path, real_data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = real_pool(tmp_path / "anynet", real_data)
-    found = family(folder)
-    assert found.architecture == "anynet"
-    assert found.base.name == "base_sceneflow.tar"
-    assert len(found.sources) == 6
-    assert not found.skipped
-    (folder / "pool.toml").write_text(pool_toml(found, "real"))
+    told = {}
+    for words in (["init", folder, "--json"], ["show", folder / "ft_kitti2012_official.tar", "--json"]):
+        with pytest.raises(SystemExit) as ended:
+            main([str(word) for word in words])
+        assert not ended.value.code
+        told[words[0]] = json.loads(capsys.readouterr().out)
+    assert (told["init"]["architecture"], told["init"]["base"]) == ("anynet", "base_sceneflow.tar")
+    assert set(told["init"]["sources"]) == {path.name for path in folder.glob("ft_*.tar")}
+    assert len(told["init"]["sources"]) == 6
+    assert not told["init"]["skipped"]
+    assert "anynet" in json.dumps(told["show"])
+    written = (folder / "pool.toml").read_text()
+    assert written.count("licence = ") == 7
     with pytest.warns(SfkitWarning, match="lacks 6 optional"):
         pool = sfkit.open_pool(folder)
     pairs = real_data / "pairs" / "cones"
