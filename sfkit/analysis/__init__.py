@@ -72,7 +72,7 @@ from sfkit.analysis.tables import (
     styled,
 )
 from sfkit.analysis.training_curves import TrainingCurve, training_curve
-from sfkit.analysis.trust import Trust, trust, trust_of
+from sfkit.analysis.trust import Trust, trust, trust_of, trust_sentences
 from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
 from sfkit.analysis.worth import compare_methods, method_costs, worth
 
@@ -193,6 +193,7 @@ __all__ = [
     "training_curve",
     "trust",
     "trust_of",
+    "trust_sentences",
     "validation_sets",
     "verdict",
     "watched_population",

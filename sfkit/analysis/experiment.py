@@ -100,7 +100,8 @@ class Experiment:
         object.__setattr__(self, "reported", tuple(self.reported))
         if not self.reported:
             raise InputError(
-                "experiment: found no reported benchmark, expected at least one that guides no search"
+                "experiment: found no reported benchmark, expected at least one that guides no search: name "
+                "some in report_on, further pairs of your own too, with ground truth or unlabelled"
             )
 
     @property

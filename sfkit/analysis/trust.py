@@ -5,6 +5,7 @@ The limits were set on real networks and on the embedded bank: docs/results.md, 
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from sfkit.analysis.ranking import (
 )
 from sfkit.datasets.census import CENSUS, CensusTarget
 from sfkit.errors import InputError, SfkitWarning
+from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
@@ -75,6 +77,8 @@ class Trust:
             )
         if self.pairs < FEW_PAIRS:
             found.append(f"{self.pairs} pair{'s' * (self.pairs != 1)} can be overfitted, as labels can")
+        if self.pairs > 1 and math.isnan(self.stability):
+            found.append("the pairs do not tell the networks apart")
         if self.stability < STABILITY:
             found.append(
                 f"halves of the pairs rank the networks with a correlation of {self.stability:.2f} "
@@ -186,6 +190,21 @@ def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
     """
+    found = _trust_of(pool, evaluators)
+    if found is not None and found.doubts:
+        warnings.warn(found.sentence, SfkitWarning, stacklevel=2)
+    return found
+
+
+def trust_sentences(scorer: Evaluator | CombinedScorer) -> tuple[str, ...]:
+    """The sentence of :func:`trust_of` on what guides, for a page; none where every guide has labels."""
+    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
+    evaluators = [one for one in parts if isinstance(one, Evaluator)]
+    found = _trust_of(evaluators[0].pool, evaluators) if evaluators else None
+    return () if found is None else (found.sentence,)
+
+
+def _trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
     unlabelled = [one for one in evaluators if one.metric.name == CENSUS.name]
     if not unlabelled:
         return None
@@ -196,10 +215,7 @@ def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
             one.evaluate(recipes)
         if len(scored_by_both(unlabelled, labelled)[0]) < FEW_NETWORKS:
             labelled = None  # a pool of two sources that nothing searched: no correlation to speak of
-    found = trust(unlabelled, recipes, labelled=labelled)
-    if found.doubts:
-        warnings.warn(found.sentence, SfkitWarning, stacklevel=2)
-    return found
+    return trust(unlabelled, recipes, labelled=labelled)
 
 
 def _seen(

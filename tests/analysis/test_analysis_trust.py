@@ -9,10 +9,10 @@ from scipy.stats import spearmanr
 
 import sfkit
 from sfkit.analysis.ranking import agreement, rank_correlations, yardstick_recipes
-from sfkit.analysis.trust import Trust, is_collapsed, stability, trust, trust_of
+from sfkit.analysis.trust import Trust, is_collapsed, stability, trust, trust_of, trust_sentences
 from sfkit.datasets import MemoryPair, Sample, memory_benchmark
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation import Evaluator
+from sfkit.evaluation import CombinedScorer, Evaluator
 
 SOUND = Trust(None, 0.9, 0.8, 0.95, 0.0, 8)
 
@@ -73,6 +73,7 @@ def test_each_doubt_is_said() -> None:
         "50 % of the best network's maps are nearly constant",
     ):
         assert part in said
+    assert "the pairs do not tell the networks apart" in Trust(None, float("nan"), 0.8, 0.95, 0.0, 8).sentence
 
 
 def test_a_network_that_wins_by_collapsing_is_caught(tmp_path: Path) -> None:
@@ -93,6 +94,11 @@ def test_a_network_that_wins_by_collapsing_is_caught(tmp_path: Path) -> None:
     assert found.collapsed == 1.0
     assert found.texture < 0.3
     assert "may win where images have no texture" in found.sentence
+    assert trust_sentences(scorer) == (found.sentence,), "for a page: no warning beside it"
+    guides = [scorer, Evaluator(pool, memory_benchmark("labelled", pairs, metric="epe"))]
+    (beside_labels,) = trust_sentences(CombinedScorer(guides))
+    assert "as epe on labelled" in beside_labels
+    assert trust_sentences(guides[1]) == ()
     with pytest.raises(InputError, match="found the metric epe, expected a scorer by census"):
         trust(Evaluator(pool, memory_benchmark("walls", pairs, metric="epe")), [pool.base_recipe()])
 
