@@ -47,6 +47,13 @@ def within(sample: Sample, valid: Mask) -> Count:
     return count
 
 
+def placed(sample: Sample, valid: Mask, device: str) -> Count:
+    """Where it was told that networks run: 0 on the CPU, else the number of the device."""
+    number = float(device.partition(":")[2] or 0)
+    return lambda prediction: (number, 1.0)
+
+
 OUTSIDE = register_metric(Metric("outside", of="matches", needs_truth=False, recorder=outside))
 SQUARED = register_metric(Metric("squared", unit="px²", label="MSE", pools=False, recorder=squared))
 WITHIN = register_metric(Metric("within-1", lower_is_better=False, map_threshold=1.0, recorder=within))
+PLACED = register_metric(Metric("placed", unit="", needs_truth=False, recorder=placed, on_device=True))

@@ -229,9 +229,12 @@ def _bits(image: torch.Tensor, scale: CensusScale) -> list[torch.Tensor]:
     ]
 
 
-def _recorder(sample: Sample, valid: Mask) -> Count:
-    """Counts one pair's predictions; the mask plays no part, since no ground truth does."""
-    target = CensusTarget(sample.left, sample.right)
+def _recorder(sample: Sample, valid: Mask, device: str) -> Count:
+    """Counts one pair's predictions; the mask plays no part, since no ground truth does.
+
+    On a GPU of CUDA it counts there; Metal's queue is not for the second thread that counts.
+    """
+    target = CensusTarget(sample.left, sample.right, device=device if "cuda" in device else "cpu")
 
     def count(prediction: NDArray[np.floating[Any]]) -> Ratio:
         return target.residual(prediction).score, 1.0
@@ -246,6 +249,7 @@ CENSUS = register_metric(
         pools=False,
         needs_truth=False,
         recorder=_recorder,
+        on_device=True,
     )
 )
 """Percent of differing census bits between the left image and the right one warped by the prediction."""

@@ -75,6 +75,8 @@ class Metric:
         recorder: makes, of a pair and of the mask (H, W) of pixels that count (all False without ground
             truth), the function that counts one prediction. It is called once a pair, what it makes for every
             prediction; a prediction that is not finite everywhere must get the worst value there is.
+        on_device: whether the recorder takes, as a third argument, the name of the device where networks run,
+            such as ``cuda:1``, to count there.
         version: of the recorder; part of the keys of evaluations that hold its quantities.
     """
 
@@ -88,7 +90,8 @@ class Metric:
     needs_truth: bool = True
     thresholds: tuple[float, ...] = ()
     counts: Callable[[ImageSums, str], Ratio] | None = field(default=None, compare=False, repr=False)
-    recorder: Callable[[Sample, Mask], Count] | None = field(default=None, compare=False, repr=False)
+    recorder: Callable[..., Count] | None = field(default=None, compare=False, repr=False)
+    on_device: bool = field(default=False, compare=False, repr=False)
     version: str = "1"
 
     def __post_init__(self) -> None:
@@ -119,6 +122,12 @@ class Metric:
         if not 0 < (threshold := float(match[1])) < math.inf:
             raise InputError(f"metric {text!r}: found the threshold {match[1]}, expected more than 0 pixels")
         return bad_pixels(threshold)
+
+    def counter(self, sample: Sample, valid: Mask, device: str) -> Count | None:
+        """What counts predictions of one pair beside a network on ``device``; None without a recorder."""
+        if self.recorder is None:
+            return None
+        return self.recorder(sample, valid, device) if self.on_device else self.recorder(sample, valid)
 
     @property
     def axis(self) -> str:

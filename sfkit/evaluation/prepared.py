@@ -53,7 +53,7 @@ class PreparedBenchmark:
         self._kept: dict[int, PreparedPair] = {}
         self._keep_regions = total // 24 * REGION_BYTES <= KEEP_BYTES
         self._regions: dict[int, Regions] = {}
-        self._counts: dict[int, tuple[tuple[Metric, Count], ...]] = {}
+        self._counts: dict[tuple[int, str], tuple[tuple[Metric, Count], ...]] = {}
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -88,10 +88,13 @@ class PreparedBenchmark:
         """(H, W) ground truth of one pair in pixels, NaN where it does not count."""
         return np.where(self.valid[number], self.samples[number].disparity, np.float32(np.nan))
 
-    def errors(self, number: int, prediction: NDArray[np.float32]) -> ImageErrors:
-        """Sums and counts of one prediction (H, W) in pixels for the pair with that number."""
+    def errors(self, number: int, prediction: NDArray[np.float32], device: str = "cpu") -> ImageErrors:
+        """Sums and counts of one prediction (H, W) in pixels for the pair with that number.
+
+        Metrics that can do so count on ``device``.
+        """
         errors = count_errors(prediction, self._sorted(number), thresholds=self.quantities.thresholds)
-        own = {metric.name: count(prediction) for metric, count in self._counting(number)}
+        own = {metric.name: count(prediction) for metric, count in self._counting(number, device)}
         for name, ratio in own.items():
             if any(map(math.isnan, ratio)):
                 raise InputError(
@@ -109,14 +112,15 @@ class PreparedBenchmark:
             self._regions[number] = made
         return made
 
-    def _counting(self, number: int) -> tuple[tuple[Metric, Count], ...]:
+    def _counting(self, number: int, device: str) -> tuple[tuple[Metric, Count], ...]:
         """What counts the quantities of the metrics that have some of their own, made once a pair as well."""
-        if number in self._counts:
-            return self._counts[number]
+        if (number, device) in self._counts:
+            return self._counts[number, device]
         sample, mask = self.samples[number], self.valid[number]
-        made = tuple((m, m.recorder(sample, mask)) for m in self.quantities.own if m.recorder is not None)
+        counters = ((metric, metric.counter(sample, mask, device)) for metric in self.quantities.own)
+        made = tuple((metric, count) for metric, count in counters if count is not None)
         if self._keep_regions:
-            self._counts[number] = made
+            self._counts[number, device] = made
         return made
 
     def doubt(self) -> str | None:

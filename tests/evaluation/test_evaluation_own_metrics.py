@@ -49,6 +49,14 @@ def test_an_evaluator_keeps_its_own_sums_beside_the_errors(tmp_path: Path, store
     own_metrics.made.clear()
 
 
+def test_a_metric_may_count_where_networks_run(tmp_path: Path) -> None:
+    evaluator = Evaluator(flat_pool(tmp_path), benchmark(), metric="placed")
+    assert evaluator.evaluate([evaluator.pool.base_recipe()])[0].images[0].value("placed") == 0.0
+    map_ = np.zeros(SIZE, np.float32)
+    told = [evaluator.prepared.errors(0, map_, device).value("placed") for device in ("cuda:3", "cuda:2")]
+    assert told == [3.0, 2.0]
+
+
 def test_keys_tell_what_was_counted(tmp_path: Path) -> None:
     pool = flat_pool(tmp_path)
     plain, own = (Evaluator(pool, benchmark(), also=also) for also in ((), ("outside",)))

@@ -73,6 +73,7 @@ class Worker:
 
     def _errors(self, numbers: range) -> tuple[ImageErrors, ...]:
         """Errors of each pair, counted in a thread of their own while the network runs on the next pair."""
+        device = str(self.model.device)
         with ThreadPoolExecutor(1) as counting:
             jobs: list[Future[ImageErrors]] = []
             for number in numbers:
@@ -80,7 +81,7 @@ class Worker:
                     jobs[-AHEAD].result()
                 # A copy: a network may write its next map where this one lies.
                 prediction = self.predict(number).copy()
-                jobs.append(counting.submit(self.benchmark.errors, number, prediction))
+                jobs.append(counting.submit(self.benchmark.errors, number, prediction, device))
             return tuple(job.result() for job in jobs)
 
     def predict(self, number: int) -> NDArray[np.float32]:
