@@ -185,8 +185,8 @@ def _line(row: Mapping[str, Any]) -> str:
     check = ""
     if "consistent" in row:
         check = (
-            f", census {row['census_percent']:.2f} %, {100 * row['consistent']:.0f} % consistent, "
-            f"{100 * row['inside']:.0f} % inside"
+            f", census {row['census_percent']:.2f} %, {100 * row['consistent']:.0f} % consistent with the "
+            f"right view, {100 * row['inside']:.0f} % of matches inside it; {Path(row['confidence']).name}"
         )
     return f"{row['disparity']}: median {row['median_px']:.2f} px{broken}{cloud}{check}"
 
