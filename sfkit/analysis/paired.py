@@ -74,6 +74,14 @@ class Difference:
         """The unit of the difference: a difference of percentages is in points."""
         return points(self.unit)
 
+    @property
+    def short(self) -> str:
+        """For a column that names the reference, such as ``within noise, -0.1 [-0.4, 0.3] points``."""
+        if self.interval is None:
+            return f"{self.value:+.2f} {self.points}"
+        low, high = self.interval
+        return f"{self.word}, {self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.points}"
+
     def __str__(self) -> str:
         """A plain sentence, such as ``within noise of uniform: -0.1 [-0.4, 0.3] points``."""
         against = f"{self.value:+.2f} {self.points} against {self.reference}"

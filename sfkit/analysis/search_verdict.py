@@ -18,6 +18,8 @@ from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
 BASE, UNIFORM = "base", "uniform"
+WIDTH, MIN_WIDTH = 80, 26
+"""Characters of a line, and at least of a column of names, where lines are made to be read in a terminal."""
 PERCENT = "bad-1.0"
 """What tests in pixels are measured by where a guide without ground truth is in percent."""
 
@@ -85,14 +87,22 @@ class SearchVerdict:
         """The verdict, then a line a network: on validation, on unseen, and against the single source."""
         rows = [("network", "validation", "unseen", f"against {self.comparison.reference}")]
         for row in self.comparison.rows:
-            against = "" if row.difference is None else str(row.difference)
+            against = "" if row.difference is None else row.difference.short
             rows.append((row.network, _shown(row.guided), _shown(row.unseen), against))
-        wide = [max(len(row[column]) for row in rows) for column in range(3)]
+        first, guided, unseen = (max(len(row[column]) for row in rows) for column in range(3))
+        last = max(MIN_WIDTH, *(len(row[3]) for row in rows[1:]))
+        first = min(first, max(MIN_WIDTH, WIDTH - guided - unseen - last - 8))
         table = [
-            f"  {name:<{wide[0]}}  {guided:>{wide[1]}}  {unseen:>{wide[2]}}  {against}".rstrip()
-            for name, guided, unseen, against in rows
+            f"  {_cut(one, first):<{first}}  {two:>{guided}}  {three:>{unseen}}  {_cut(four, last)}".rstrip()
+            for one, two, three, four in rows
         ]
-        return (self.verdict.sentence, *table)
+        told = [row.difference.reason for row in self.comparison.rows if row.difference is not None]
+        reasons = [f"  no interval: {reason}" for reason in dict.fromkeys(filter(None, told))]
+        return (self.verdict.sentence, *table, *reasons)
+
+
+def _cut(text: str, width: int) -> str:
+    return text if len(text) <= width else f"{text[: width - 1]}…"
 
 
 def search_verdict(

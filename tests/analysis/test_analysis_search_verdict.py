@@ -52,6 +52,11 @@ def test_a_stage_2_that_holds_elsewhere_is_recommended(tmp_path: Path) -> None:
     assert told.lines[0] == told.verdict.sentence
     assert told.lines[1].split() == ["network", "validation", "unseen", "against", "best", "single", "(five)"]
     assert told.lines[-1].startswith("  Stage 1+2")
+    difference = told.comparison.rows[-1].difference
+    assert difference is not None
+    assert told.lines[-1].endswith(difference.short)
+    assert difference.short.startswith("better, -1.75 [")
+    assert max(map(len, told.lines[1:])) <= 80
 
 
 def test_a_stage_2_that_fits_its_pairs_is_overruled(tmp_path: Path) -> None:
