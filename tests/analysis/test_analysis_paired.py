@@ -48,6 +48,7 @@ def test_under_five_images_there_is_no_interval_and_the_record_says_why() -> Non
     found = paired_difference(measured({"a": [20], "b": [23]}), "a", "b")
     assert found.interval is None
     assert found.within_noise is None
+    assert found.short == "-3.00 points"
     assert str(found) == ("at -3.00 points against b, no interval: one has 1 image, an interval needs 5")
     several = [measured({"a": [1, 2] * 3, "b": [3, 5] * 3}, name="two"), measured({"a": [20], "b": [23]})]
     mean = paired_difference(several, "a", "b")

@@ -55,7 +55,8 @@ def test_a_stage_2_that_holds_elsewhere_is_recommended(tmp_path: Path) -> None:
     difference = told.comparison.rows[-1].difference
     assert difference is not None
     assert told.lines[-1].endswith(difference.short)
-    assert difference.short.startswith("better, -1.75 [")
+    # On the test five is 0.975 off at the mean, and 3.2 is 0.825.
+    assert difference.short.startswith("better, -0.15 [")
     assert max(map(len, told.lines[1:])) <= 80
 
 
