@@ -9,13 +9,11 @@ store: started again it goes on where it was.
 
 from __future__ import annotations
 
-import argparse
-import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import torch
+from stages import both, printed
 
 import sfkit
 from sfkit import bank, baselines
@@ -41,10 +39,10 @@ def measure(seeds: int, pairs: int, evaluations: int, store: Path) -> list[dict[
             return sfkit.Evaluator(pool, benchmark, store=kept, metric=metric, also=[TRUE, "census"])
 
         def searched(guide: sfkit.Evaluator, seed: int) -> Recipe:
-            stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
-            subset = sfkit.SubsetSearch(pool.names, pool.blocks, guide, stage1).run().subset
-            stage2 = sfkit.RoutingSettings(evaluations=evaluations, converge=False, seed=seed)
-            return sfkit.RoutingSearch(subset, pool.blocks, guide, stage2).run().recipe
+            _, second = both(
+                pool, guide, seed, population=POPULATION, generations=GENERATIONS, evaluations=evaluations
+            )
+            return second.run().recipe
 
         validation = scorer(bank.benchmark(bank.VALIDATION).first(pairs), TRUE)
         for world in bank.benchmarks():
@@ -78,27 +76,13 @@ def _sentences(world: str, unlabelled: sfkit.Evaluator, labelled: sfkit.Evaluato
     return rows
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--pairs", type=int, default=8, help="that guide; twice as many judge")
-    parser.add_argument("--evaluations", type=int, default=80, help="of Stage 2")
-    parser.add_argument("--store", type=Path, default=Path("runs/census_bank.sqlite"))
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
-    options = vars(parser.parse_args(arguments))
-    as_json = options.pop("json")
-    rows = measure(**options)
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
-    for row in rows:
-        print(
-            "  ".join(
-                f"{value:8.2f}" if isinstance(value, float) else f"{value:16}" for value in row.values()
-            )
-        )
+def line(row: dict[str, Any]) -> str:
+    """A row as text."""
+    return "  ".join(f"{value:8.2f}" if isinstance(value, float) else f"{value:16}" for value in row.values())
 
+
+OPTIONS = {"seeds": 2, "pairs": 8, "evaluations": 80, "store": Path("runs/census_bank.sqlite")}
+"""Of the command line: pairs guide, and twice as many judge."""
 
 if __name__ == "__main__":
-    main()
+    printed(__doc__, measure, OPTIONS, line)

@@ -10,14 +10,12 @@ where it was.
 
 from __future__ import annotations
 
-import argparse
-import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import evidence_real
 import torch
+from stages import both, printed
 
 import sfkit
 from sfkit import baselines
@@ -58,32 +56,20 @@ def measure(seeds: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
             for guide, (metric, names) in GUIDES.items():
                 scorers = [sfkit.Evaluator(pool, benchmarks[n], store=kept, metric=metric) for n in names]
                 scorer = scorers[0] if len(scorers) == 1 else sfkit.CombinedScorer(scorers)
-                stage1 = sfkit.SubsetSettings(population=8, generations=3, seed=seed)
-                subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
-                rows.append(row(guide, "Stage 1", seed, pool.equal(*subset)))
-                stage2 = sfkit.RoutingSettings(evaluations=evaluations, converge=False, seed=seed)
-                found = sfkit.RoutingSearch(subset, pool.blocks, scorer, stage2).run()
-                rows.append(row(guide, "Stage 1+2", seed, found.recipe))
+                first, second = both(pool, scorer, seed, population=8, generations=3, evaluations=evaluations)
+                rows.append(row(guide, "Stage 1", seed, first.run().recipe))
+                rows.append(row(guide, "Stage 1+2", seed, second.run().recipe))
     return rows
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=2)
-    parser.add_argument("--evaluations", type=int, default=150, help="of Stage 2")
-    parser.add_argument("--store", type=Path, default=Path("runs/census_guides.sqlite"))
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
-    options = vars(parser.parse_args(arguments))
-    as_json = options.pop("json")
-    rows = measure(**options)
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
-    for row in rows:
-        errors = "  ".join(f"{name} {row[name]:6.2f}" for name in evidence_real.PAIRS)
-        print(f"{row['guide']:16} {row['stage']:10} {row['seed']}  {errors}  {'+'.join(row['sources'])}")
+def line(row: dict[str, Any]) -> str:
+    """A row as text."""
+    errors = "  ".join(f"{name} {row[name]:6.2f}" for name in evidence_real.PAIRS)
+    return f"{row['guide']:16} {row['stage']:10} {row['seed']}  {errors}  {'+'.join(row['sources'])}"
 
+
+OPTIONS = {"seeds": 2, "evaluations": 150, "store": Path("runs/census_guides.sqlite")}
+"""Of the command line."""
 
 if __name__ == "__main__":
-    main()
+    printed(__doc__, measure, OPTIONS, line)

@@ -24,6 +24,7 @@ import evidence_real
 import numpy as np
 import pandas as pd
 from kept import RUNS, Job, KeptRuns
+from stages import both
 
 import sfkit
 from sfkit.analysis.measured import Measured, measure_with
@@ -89,12 +90,9 @@ def judged(
 ) -> pd.DataFrame:
     """Both stages, what each rule takes of them, and its score on what guided nothing: a row a rule."""
     scorer = guides[0] if len(guides) == 1 else sfkit.CombinedScorer(guides)
-    stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
-    first = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1)
-    best1 = first.run()
-    stage2 = sfkit.RoutingSettings(evaluations=EVALUATIONS, seed=seed)
-    second = sfkit.RoutingSearch(best1.subset, pool.blocks, scorer, stage2)
-    best2 = second.run()
+    budget = {"population": POPULATION, "generations": GENERATIONS, "evaluations": EVALUATIONS}
+    first, second = both(pool, scorer, seed, **budget, converge=True)
+    best1, best2 = first.run(), second.run()
     searched = {
         f"{stage} {c.number}": c.recipe
         for stage, search in (("1", first), ("2", second))

@@ -1,78 +1,86 @@
-"""The full report on real AnyNet checkpoints, two of them harmful: pairs of three data sets guide."""
+"""What a report says of real AnyNet checkpoints, two of them harmful: pairs of three data sets guide."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from full_report import make, markdown
+import pandas as pd
+from full_report import markdown
 from real_pairs import SIZE, gather
 
-from sfkit.baselines import baselines
+import sfkit
+from sfkit import analysis, baselines
+from sfkit.analysis import Study
 
 ROOT = Path(__file__).parents[2]
+RUNS = ROOT / "runs" / "results"
 POOL = "tests/pools/anynet_real_six.toml"
 LEFT_OUT = ("adamerging", "adamerging_blocks", "exhaustive")
+POPULATION, GENERATIONS, EVALUATIONS, SEEDS = 16, 6, 30, 3
+
+
+def measure() -> Study:
+    """The study that a report is made of; its store goes on where it was."""
+    guides, unseen = gather(RUNS / "real_pairs")
+    store = RUNS / "report_real" / "evaluations.sqlite"
+    store.parent.mkdir(parents=True, exist_ok=True)
+    experiment = analysis.Experiment(
+        sfkit.open_pool(ROOT / POOL),
+        sfkit.open_benchmark("pairs", guides, metric="bad-1.0"),
+        (sfkit.open_benchmark("pairs", unseen, metric="bad-1.0"),),
+        sfkit.EvaluationStore(store),
+        population=POPULATION,
+        generations=GENERATIONS,
+        evaluations=EVALUATIONS,
+        own_metrics=True,
+    )
+    methods = [name for name in baselines.baselines() if name not in LEFT_OUT]
+    return analysis.study(experiment, seeds=SEEDS, methods=methods)
 
 
 def section() -> str:
-    """Make the report, and show its summary and its tables."""
-    guides, unseen = gather(ROOT / "runs" / "results" / "real_pairs")
-    values = {
-        "pool": str(ROOT / POOL),
-        "benchmark": "pairs",
-        "benchmark_root": str(guides),
-        "benchmark_pairs": None,
-        "metric": "bad-1.0",
-        "report_on": [{"name": "pairs", "root": str(unseen), "metric": "bad-1.0"}],
-        "population": 16,
-        "generations": 6,
-        "evaluations": 30,
-        "seeds": 3,
-        "methods": [name for name in baselines() if name not in LEFT_OUT],
-    }
-    done = make(ROOT / "runs" / "results" / "report_real", values)
-    height, width = SIZE
-    return f"""## The full report on real AnyNet checkpoints
+    """Its sentences and its tables."""
+    study = measure()
+    pool, (height, width) = study.experiment.pool, SIZE
+    geometry = analysis.task_vector_geometry(pool)
+    cosines = pd.DataFrame(geometry.cosines, index=pool.names, columns=pool.names).rename_axis("source")
+    said = "\n".join(f"- {sentence}" for sentence in analysis.summary(study))
+    return f"""## The report on real AnyNet checkpoints
 
-`sfkit report` with the pool `{POOL}`, six sources of which two harm (`half_size`, `own_images`); M = 16,
-T = 6, 30 evaluations of Stage 2, 3 seeds; AdaMerging is left out to keep it short. Pairs of three data sets
-guide (ETH3D's playground, Middlebury's Cones and Reindeer). Six images of four others test, which no source
-was tuned on: Middlebury's Motorcycle, three frames of SceneFlow (the base's training set), one each of
-InStereo2K and TartanAir. Of images larger than {width} x {height} pixels that middle is taken. `all-valid`
-and bad-1.0 everywhere. It took {done.minutes:.0f} minutes with nothing in the store. What it says first:
+What a report says of the pool `{POOL}`, by its own calls (`analysis.study`, `analysis.summary`): six sources
+of which two harm (`half_size`, `own_images`); M = {POPULATION}, T = {GENERATIONS}, {EVALUATIONS} evaluations
+of Stage 2, {SEEDS} seeds; AdaMerging is left out to keep it short. Pairs of three data sets guide (ETH3D's
+playground, Middlebury's Cones and Reindeer). Six images of four others test, which no source was tuned on:
+Middlebury's Motorcycle, three frames of SceneFlow (the base's training set), one each of InStereo2K and
+TartanAir. Of images larger than {width} x {height} pixels that middle is taken. `all-valid` and bad-1.0
+everywhere. What it says first:
 
-{done.summary()}
+{said}
 
 All methods; `*` marks what guided them, `†` a row that chose by the mean of all:
 
-{markdown(done.table("main", "method"))}
+{markdown(study.table())}
 
 Against the last row on what nobody saw, in points; `low` and `high` are the ends of the 95 % interval, over
 images and, where a method draws, its seeds:
 
-{markdown(done.table("differences", "method"))}
+{markdown(study.differences_table())}
 
 Single sources:
 
-{markdown(done.table("sources", "benchmark"))}
+{markdown(study.sources_table())}
 
 Which sources the seeds of both stages chose:
 
-{markdown(done.table("selection", "source"))}
+{markdown(study.selection().table())}
 
 Cosines of the task vectors, by which the pool has fewer directions than sources, and how far each went, in
 percent of the base's norm:
 
-{markdown(done.table("cosines", "source"))}
+{markdown(cosines)}
 
-{markdown(done.table("geometry", "block"), digits=1)}
+{markdown(geometry.table(), digits=1)}
 
 What each method took, all its runs together:
 
-{markdown(done.table("cost", "method"), digits=1)}
-
-Stages and scales (seed 0), then what guides:
-
-{markdown(done.table("stages", "variant"))}
-
-{markdown(done.table("guides", "fitness"))}"""
+{markdown(study.cost_table(), digits=1)}"""
