@@ -102,7 +102,7 @@ def recipe_of(path: Path) -> Recipe:
 
     read = read_recipe(path)
     if read.merged_from is None:
-        say(f"{path}: does not say which networks it was made with: its names are taken for the pool's")
+        say(f"warning: {path}: does not say which networks it was made with; they are taken by name")
     return read
 
 

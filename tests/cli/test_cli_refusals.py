@@ -116,7 +116,7 @@ def test_a_process_of_its_own_says_the_same(name: str, world: Path) -> None:
 @pytest.mark.parametrize(
     "line",
     [
-        "evaluate pool.toml --recipe a.json --recipe b.json -b pairs -r pairs",
+        "merge pool.toml --recipe a.json --recipe b.json -o m.safetensors",
         "search pool.toml -b pairs -r pairs --seed 1 --seed 2",
         "merge pool.toml -s a -o m.safetensors --subset b",
         "data check pairs --root a --root b",
