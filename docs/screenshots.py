@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "browser"))
 
 import cv2
 import numpy as np
-from browser_lab import Notebook, serving
+from browser_lab import PATIENCE, Notebook, serving
 from browser_stage import Stage
 from playwright.sync_api import Browser, sync_playwright
 from sfkit_widgets import (
@@ -170,6 +170,7 @@ def take(browser: Browser, widget: SfkitWidget, name: str, path: Path, *, width:
     context = browser.new_context(
         offline=True, color_scheme="dark" if dark else "light", viewport={"width": width, "height": 900}
     )
+    context.set_default_timeout(PATIENCE * 1000)
     stage = Stage(context.new_page())
     stage.page.add_style_tag(content="body { margin: 0 }")
     stage.show_state(widget)
