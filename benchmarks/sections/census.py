@@ -43,10 +43,10 @@ The bank: 60 of its merges on 8 pairs a world, bad-3.0. Cost is CPU time against
 network on the same pairs, one thread. Smoothness adds {census.SMOOTHNESS:g} times the percentage of
 neighbours more than {census.JUMP:g} px apart. Two scales are the definition: the fine one alone ranks the
 real pairs a little better, and picks 5 points worse in haze. Occluded are pixels on which the disparities of
-both views differ by more than 1 px; their rows cost a second pass, which is counted, and are on the bank in a
-table of their own, of fewer networks and pairs. Leaving occluded pixels out, or weighing them less, lets a
+both views differ by more than 1 px; their rows cost a second pass, which is counted, and of the bank they are
+measured on one world, in a table of its own. Leaving occluded pixels out, or weighing them less, lets a
 network choose the pixels it is judged by: on eth3d both pick a network about 4 points worse than the best."""
-TWICE = f"""The bank again, {census.FEWER[0]} of these networks on {census.FEWER[1]} pairs a world:"""
+TWICE = f"""{census.FEWER[0]} of the bank's networks on {census.FEWER[1]} pairs of {bank.VALIDATION}:"""
 GUIDES = f"""### Both stages guided without labels
 
 `{shown(*GUIDED)}`: bad-1.0 in percent on each pair, over all pixels with ground truth. The unlabelled
