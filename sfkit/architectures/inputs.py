@@ -106,7 +106,9 @@ class InputConvention:
         return PreparedPair(self._input(left, window, padded), self._input(right, window, padded), window)
 
     def _input(self, image: NDArray[np.uint8], window: Window, padded: tuple[int, int]) -> torch.Tensor:
-        x = torch.from_numpy(np.ascontiguousarray(image)).permute(2, 0, 1).float().mul_(self.scale)
+        # Images that Ray holds may not be written to, which torch wants of all it shares memory with.
+        own = np.require(image, requirements=("C", "W"))
+        x = torch.from_numpy(own).permute(2, 0, 1).float().mul_(self.scale)
         x = x.sub_(torch.tensor(self.mean)[:, None, None]).div_(torch.tensor(self.std)[:, None, None])
         right = padded[1] - window.left - window.width
         bottom = padded[0] - window.top - window.height

@@ -67,7 +67,7 @@ class World:
         monkeypatch.syspath_prepend(str(folder / "site"))
 
     def search(self, engine: str, *words: object) -> object:
-        """Stage 1 over all three subsets with one engine; its result."""
+        """Stage 1 over the one subset that two sources have; its result."""
         self.capsys.readouterr()
         budget = ("--population", 3, "--generations", 1, "--evaluations", 0)
         data = ("-b", "pairs", "--root", self.pairs, "--out", self.folder / engine)

@@ -161,6 +161,17 @@ def test_padding_sides_as_text() -> None:
         sfkit.InputConvention(multiple=0)
 
 
+def test_images_that_may_not_be_written_to() -> None:
+    """As Ray's object store holds them."""
+    left, right = np.random.default_rng(1).integers(0, 256, (2, 20, 30, 3), dtype=np.uint8)
+    expected = sfkit.InputConvention(multiple=16).prepare(left, right)
+    for image in (left, right):
+        image.flags.writeable = False
+    found = sfkit.InputConvention(multiple=16).prepare(left, right)
+    assert torch.equal(found.left, expected.left)
+    assert torch.equal(found.right, expected.right)
+
+
 def test_forms_as_text(tmp_path: Path) -> None:
     pool = sfkit.open_pool(write_pool(tmp_path))
     recipe = pool.uniform()
