@@ -44,10 +44,12 @@ class Entry:
     Attributes:
         search: landscape and seed -> the masks evaluated, in order.
         seeds: how many it is run from.
+        together: how many of them are one job.
     """
 
     search: Search
     seeds: int = SEEDS
+    together: int = TOGETHER
 
 
 def entries() -> dict[str, Entry]:
@@ -59,7 +61,7 @@ def entries() -> dict[str, Entry]:
         from peers_optuna import gp, on_subsets, tpe
 
         found["Optuna TPE"] = Entry(on_subsets(tpe, 300))
-        found["Optuna GP"] = Entry(on_subsets(gp, 100), 40)
+        found["Optuna GP"] = Entry(on_subsets(gp, 100), 40, 1)
     return found
 
 
@@ -68,8 +70,8 @@ def jobs() -> dict[str, Job]:
     found: list[tuple[int, str, Job]] = []
     for pairs in LANDSCAPES:
         for name, entry in entries().items():
-            for first in range(0, entry.seeds, TOGETHER):
-                seeds = range(first, min(first + TOGETHER, entry.seeds))
+            for first in range(0, entry.seeds, entry.together):
+                seeds = range(first, min(first + entry.together, entry.seeds))
                 job = partial(alone, name, entry.search, pairs, seeds)
                 found.append((first, f"search-{pairs:02d}-{slug(name)}-{first:03d}", job))
         for batch in BATCHES:

@@ -35,7 +35,7 @@ SEARCHES = {BANK: 12, REAL: 4}
 """Draws of validation pairs."""
 SIGMA = 0.5
 MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
-HANDED_OVER = "model, then CMA-ES"
+HANDED_OVER, NEAR = "model, then CMA-ES", "model, no far draws"
 BLOCKWISE = 4
 """Searches on the bank that are run with block-specific routing as well."""
 
@@ -43,7 +43,7 @@ Way = Callable[[World], Iterator[float]]
 """World -> the scores of its evaluations, in order, as they come."""
 
 
-def model(world: World, evaluations: int = 150, **more: object) -> Iterator[float]:
+def model(world: World, evaluations: int = 100, **more: object) -> Iterator[float]:
     """Our model, which knows what Stage 1 evaluated."""
     settings = BayesianRoutingSettings(evaluations=evaluations, seed=world.seed, **more)  # type: ignore[arg-type]
     search = BayesianRoutingSearch(world.subset, world.pool.blocks, world.scorer, settings, known=world.known)
@@ -87,7 +87,13 @@ def random_search(world: World, evaluations: int = 100) -> Iterator[float]:
 
 def ways() -> dict[str, Way]:
     """Everything that is compared, by name."""
-    found: dict[str, Way] = {MODEL: model, CMA_ES: cma_es, HANDED_OVER: handed_over, ONE_MODEL: one_model}
+    found: dict[str, Way] = {
+        MODEL: model,
+        CMA_ES: cma_es,
+        NEAR: partial(model, beta=1.0, far=0.0, patience=8),
+        HANDED_OVER: handed_over,
+        ONE_MODEL: one_model,
+    }
     if importlib.util.find_spec("optuna"):
         from peers_optuna import cma_sampler, gp_sampler
 

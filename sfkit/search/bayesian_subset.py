@@ -237,8 +237,10 @@ class BayesianSubsetSearch(SubsetSearch):
             if model is None:  # nothing has a finite score yet
                 chromosome, prediction = self._unmet(met, rng), None
             else:
+                if drafts:
+                    before = equal_weights([drafts[-1].chromosome], len(self.sources))
+                    model = model.believing(self._points(before))
                 chromosome, prediction = self._acquired(model, met, rng)
-                model = model.believing(self._points(equal_weights([chromosome], len(self.sources))))
             drafts.append(Draft(chromosome, (), ("random" if prediction is None else "model",)))
             told.append(prediction)
             met.add(chromosome)

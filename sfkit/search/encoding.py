@@ -86,13 +86,16 @@ class Encoding:
         return self._cut + (len(self.free) if self.scaled else 0)
 
     def logits(self, x: Vector) -> Vector:
-        """W, (rows, E): one row for all blocks where tied, else one for each block that is not frozen."""
-        sources = len(self.sources)
+        """W, (rows, E): one row for all blocks where tied, else one for each block that is not frozen.
+
+        Several vectors, (..., dimension), have as many: (..., rows, E).
+        """
+        sources, many = len(self.sources), x.shape[:-1]
         if self.rank is None:
-            return x[: self._cut].reshape(self.rows, sources)
-        factors = x[sources : self._cut].reshape(int(self.rank), self.rows + sources)
-        a, b = factors[:, : self.rows], factors[:, self.rows :]
-        return np.asarray(x[:sources][None, :] + a.T @ b)
+            return x[..., : self._cut].reshape(*many, self.rows, sources)
+        factors = x[..., sources : self._cut].reshape(*many, int(self.rank), self.rows + sources)
+        a, b = factors[..., : self.rows], factors[..., self.rows :]
+        return np.asarray(x[..., None, :sources] + np.swapaxes(a, -1, -2) @ b)
 
     def decode(self, x: Vector) -> Recipe:
         """The recipe x stands for; zeros give exactly ``Recipe.equal``.

@@ -130,20 +130,25 @@ def _best_noise(kernel: Array, values: Array, noises: Sequence[float]) -> tuple[
     """Evidence and noise, from one eigen-decomposition; mean and variance are at their best for each."""
     roots, axes = np.linalg.eigh(kernel)
     along, ones = axes.T @ values, axes.sum(axis=0)
-    found = []
-    for noise in noises:
-        spectrum = np.maximum(roots, 0.0) + noise
-        mean = np.sum(ones * along / spectrum) / np.sum(ones**2 / spectrum)
-        found.append((_evidence(spectrum, (along - mean * ones) ** 2 / spectrum, ones), noise))
-    return max(found, key=lambda pair: pair[0])
+    spectrum = np.maximum(roots, 0.0) + np.array(noises)[:, None]
+    mean = np.sum(ones * along / spectrum, axis=1) / np.sum(ones**2 / spectrum, axis=1)
+    found = _evidence(spectrum, (along - mean[:, None] * ones) ** 2 / spectrum, ones)
+    first = int(np.argmax(found))
+    return float(found[first]), noises[first]
 
 
-def _evidence(spectrum: Array, squares: Array, ones: Array) -> float:
-    """Log marginal likelihood (eq. 5.8), the mean integrated out and the variance at its best (2.44)."""
-    count = len(spectrum)
-    fitted = max(float(np.sum(squares)) / count, _SMALLEST)
-    lost = np.log(np.sum(ones**2 / spectrum))
-    return float(-0.5 * (count * np.log(fitted) + np.sum(np.log(spectrum)) + lost))
+def _evidence(spectrum: Array, squares: Array, ones: Array) -> Array:
+    """Log marginal likelihoods (eq. 5.8), the mean integrated out and the variance at its best (2.44).
+
+    Args:
+        spectrum: of kernel + noise, a row a noise, (k, n).
+        squares: of the values less the mean along its axes, over the spectrum, (k, n).
+        ones: the vector of ones along its axes, (n,).
+    """
+    count = len(ones)
+    fitted = np.maximum(np.sum(squares, axis=1) / count, _SMALLEST)
+    lost = np.log(np.sum(ones**2 / spectrum, axis=1))
+    return np.asarray(-0.5 * (count * np.log(fitted) + np.sum(np.log(spectrum), axis=1) + lost))
 
 
 def _posterior(

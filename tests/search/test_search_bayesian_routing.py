@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -32,8 +33,26 @@ def bowl(recipe: Recipe) -> float:
     return math.sqrt(apart + 1e-4)
 
 
-def search(settings: BayesianRoutingSettings = QUICK, **more: object) -> BayesianRoutingSearch:
-    return BayesianRoutingSearch(SOURCES, BLOCKS, Scorer(bowl), settings, **more)  # type: ignore[arg-type]
+def search(
+    settings: BayesianRoutingSettings = QUICK, scorer: Scorer | None = None, **more: object
+) -> BayesianRoutingSearch:
+    return BayesianRoutingSearch(SOURCES, BLOCKS, scorer or Scorer(bowl), settings, **more)  # type: ignore[arg-type]
+
+
+def two_valleys(recipe: Recipe) -> float:
+    """A shallow valley at equal weights, and a deeper one where the first source is nearly alone."""
+    weight = recipe.of(BLOCKS[0])[0][SOURCES[0]]
+    return 2.0 - math.exp(-(((weight - 1 / 3) / 0.1) ** 2)) - 1.5 * math.exp(-(((weight - 0.95) / 0.2) ** 2))
+
+
+def test_what_lies_far_from_x_0_is_found() -> None:
+    far, near = [], []
+    for seed in range(3):
+        settings = replace(QUICK, scaled=False, seed=seed)
+        far.append(search(settings, scorer=Scorer(two_valleys)).run().score)
+        near.append(search(replace(settings, far=0.0), scorer=Scorer(two_valleys)).run().score)
+    assert max(far) < 0.7
+    assert np.median(near) > 0.9
 
 
 def test_x_0_is_first_and_the_result_is_never_worse() -> None:
@@ -142,7 +161,7 @@ def test_a_hold_out_is_refused() -> None:
 
 
 def test_the_region_shrinks_where_nothing_better_is_found() -> None:
-    flat = BayesianRoutingSearch(SOURCES, BLOCKS, Scorer(lambda _: 1.0), QUICK)
+    flat = search(replace(QUICK, patience=8), scorer=Scorer(lambda _: 1.0))
     flat.run()
     first = QUICK.sigma
     assert [c.sigma for c in flat.candidates][:9] == [first] * 9
