@@ -106,7 +106,10 @@ def test_a_temporary_folder_lies_elsewhere_has_room_and_is_removed(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_shape_is_compared_with_the_published_keys(results: ModuleType, shipped_goldens: Path) -> None:
+def test_a_shape_is_compared_with_the_published_keys(
+    results: ModuleType, shipped_goldens: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SFKIT_GOLDENS", str(shipped_goldens))
     pools, plan = importlib.import_module("synthetic_pool"), importlib.import_module("bigpool").PLANS
     shape = plan["nmrf-swint"].shape
     assert sum(tensor.nbytes for tensor in pools.base_state(shape).values()) == pools.file_size(shape)
