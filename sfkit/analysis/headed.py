@@ -106,7 +106,7 @@ class ShownTable:
             names = key if isinstance(key, tuple) else (key,)
             heads = "".join(f'<th scope="row">{escape(str(n))}</th>' for n in names) if self._index else ""
             cells = "".join(
-                f"<td{self._kind(place)}>{self._cell(value, mark)}</td>"
+                f"<td{self._kind(place, key)}>{self._cell(value, mark)}</td>"
                 for place, (value, mark) in enumerate(zip(values, marks, strict=True))
             )
             yield f"<tr>{heads}{cells}</tr>"
@@ -115,13 +115,21 @@ class ShownTable:
         said = escape(_said(value, self.digits))
         return f"<{_TAGS[mark]}>{said}</{_TAGS[mark]}>" if mark in _TAGS else said
 
-    def _kind(self, place: int) -> str:
-        """Text stands left; a column that guided is tinted by the page."""
+    def _kind(self, place: int, row: object = None) -> str:
+        """Text stands left; what guided is tinted by the page: a column, or the cells of rows with guides."""
         column = self.table.iloc[:, place]
         kinds = [] if pd.api.types.is_numeric_dtype(column) and column.dtype != bool else ["text"]
-        if self.head(self.table.columns[place])[0].endswith(GUIDED):
+        name, own = str(self.table.columns[place]), _guide(self.table.index.name, row)
+        if self.head(name)[0].endswith(GUIDED) or name == own:
             kinds.append("guided")
         return f' class="{" ".join(kinds)}"' if kinds else ""
+
+
+def _guide(index: object, row: object) -> str | None:
+    """The benchmark that guided a row of :mod:`~sfkit.analysis.ablations`; None in other tables."""
+    if row is None or index not in ("guided by", "fitness"):
+        return None
+    return str(row) if index == "guided by" else str(row).rpartition(" ")[0]  # of BENCHMARK METRIC
 
 
 def shown_table(

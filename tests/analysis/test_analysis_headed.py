@@ -107,6 +107,15 @@ def test_best_is_bold_by_what_is_printed_and_second_underlined() -> None:
     assert guided == ["eth3d *", "bad-1.0 (%)"], "marked numbers stand in an element of their own"
 
 
+@pytest.mark.parametrize(("name", "metric"), [("guided by", ""), ("fitness", " d1"), ("method", "")])
+def test_of_rows_with_guides_of_their_own_the_guides_cell_is_tinted(name: str, metric: str) -> None:
+    rows = pd.Index([f"far{metric}", f"kitti2015{metric}"], name=name)
+    guides = pd.DataFrame({"kitti2015": [1.0, 2.0], "far": [3.0, 4.0]}, index=rows)
+    found = Tags(shown_table(guides, COLUMNS, best=[])._repr_html_()).found
+    tinted = [text for tag, kind, text in found if "guided" in kind]
+    assert tinted == ([] if name == "method" else ["3.00", "2.00"])
+
+
 def test_along_a_row_and_without_an_index() -> None:
     plain = pd.DataFrame({"a": [1.0, 4.0], "b": [2.0, 3.0]})
     html = shown_table(plain, along="row", best=["a", "b"])._repr_html_()
