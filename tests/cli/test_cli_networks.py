@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import torch
+from clusters import two_nodes
 from own_networks import decorated, package, plain, write_states
 from stand_ins import write_stand_in
 from tiny import write_pairs
@@ -96,3 +97,22 @@ def test_each_is_checked_searched_and_predicts(
     }.get(name, [])
     assert run("predict", merged, "-l", left, "-r", right, "-o", tmp_path / "out", *asked) == 0
     assert list((tmp_path / "out").glob("*.pfm"))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::FutureWarning")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_ray_finds_what_one_process_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One cluster for all: starting it takes longer than four searches."""
+    with two_nodes() as cluster:
+        import ray
+
+        ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
+        try:
+            for name in ("file", "entry point", "openstereo", "raft-stereo"):
+                world = World(name, tmp_path / name.replace(" ", "-"), monkeypatch, capsys)
+                assert world.search("ray", "--workers", 1) == world.search("inline"), name
+        finally:
+            ray.shutdown()
