@@ -17,7 +17,7 @@ from sfkit.checkpoints.headers import stored_tensors
 from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.groups import first_paragraph
 
-HEAVY = ("torch", "pandas", "scipy", "cv2", "plotly", "cma", "IPython", "nbconvert", "rich")
+HEAVY = ("torch", "numpy", "pandas", "scipy", "cv2", "plotly", "cma", "IPython", "nbconvert", "rich")
 LINES = f"""
 import sys
 from sfkit.cli import main
