@@ -82,14 +82,20 @@ class Difference:
         low, high = self.interval
         return f"{self.word}, {self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.points}"
 
+    @property
+    def allowance(self) -> str:
+        """Why an interval that leaves 0 out shows no difference: it is that of one, of many compared."""
+        if not self.within_noise or self.interval is None or self.interval[0] <= 0.0 <= self.interval[1]:
+            return ""
+        return f"one of {self.family} comparisons"
+
     def __str__(self) -> str:
         """A plain sentence, such as ``within noise of uniform: -0.1 [-0.4, 0.3] points``."""
         against = f"{self.value:+.2f} {self.points} against {self.reference}"
         if self.interval is None:
             return f"at {against}, no interval: {self.reason}"
         low, high = self.interval
-        # An interval of one difference can leave 0 out where many were compared.
-        many = f" (one of {self.family} comparisons)" if self.within_noise and not low <= 0.0 <= high else ""
+        many = f" ({self.allowance})" if self.allowance else ""
         reach = f"{self.value:+.2f} [{low:+.2f}, {high:+.2f}] {self.points}"
         return f"{self.word.against} {self.reference}: {reach}{many}"
 

@@ -87,7 +87,8 @@ def _plainly(difference: Difference) -> str:
         return f"{abs(difference.value):.2f} {unit} {word} than {difference.reference} ({why})"
     low, high = difference.interval
     word = difference.word.against
-    return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f})"
+    many = f", {difference.allowance}" if difference.allowance else ""
+    return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f}{many})"
 
 
 def _others(study: Study) -> Iterator[str]:

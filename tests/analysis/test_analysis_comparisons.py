@@ -95,6 +95,7 @@ def test_what_is_called_better_is_corrected_for_the_number_of_rows() -> None:
     assert alone
     assert all(d is not None and d.within_noise for d in found)
     assert str(alone[0]).endswith("points (one of 10 comparisons)")
+    assert alone[0].allowance == "one of 10 comparisons"
 
 
 def test_the_reference_itself_can_be_called_out() -> None:
