@@ -78,7 +78,8 @@ class RoutingWorkbench:
             pair: id of the pair to look at; the first unless given.
 
         Raises:
-            InputError: an unknown source or pair, or a search or recipe over other sources or blocks.
+            InputError: an unknown source or pair, a search or recipe over other sources or blocks, or a
+                recipe of other networks.
         """
         pool = evaluator.pool
         self.evaluator = evaluator
@@ -100,7 +101,9 @@ class RoutingWorkbench:
         self.shared: Mapping[str, tuple[str, ...]] = pairs_in_common([evaluator.benchmark], self._tested_on)
         if recipe is None and self.trace is not None and self.trace.best >= 0:
             recipe = self.trial(self.trace.best)
-        self.history = EditHistory(self._equal if recipe is None else self._equal.of(recipe))
+        self.history = EditHistory(self._equal)
+        if recipe is not None:
+            self.history = EditHistory(self.taken(recipe))
         self.preview = PairPreview(evaluator, pair)
         self.pins: dict[str, Pin] = {}
         self.look = self.preview.look(self.recipe)
@@ -109,6 +112,17 @@ class RoutingWorkbench:
     def draft(self) -> RoutingDraft:
         """What is being edited."""
         return self.history.present
+
+    def taken(self, recipe: Recipe) -> RoutingDraft:
+        """A draft of another recipe.
+
+        Raises:
+            InputError: as :meth:`~sfkit.editing.drafts.RoutingDraft.of`, or one of its names stands for
+                another network here.
+        """
+        draft = self.draft.of(recipe)
+        self.evaluator.pool.check_networks(recipe)
+        return draft
 
     @property
     def recipe(self) -> Recipe:

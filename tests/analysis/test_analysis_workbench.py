@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,10 @@ def searched(evaluator: Evaluator, tmp_path_factory: pytest.TempPathFactory) -> 
     search = RoutingSearch(("a", "c"), evaluator.pool.blocks, evaluator, SETTINGS, journal=Journal(journal))
     search.run()
     return search, journal
+
+
+def of_another(evaluator: Evaluator) -> Recipe:
+    return replace(evaluator.pool.equal("a"), merged_from={"a": "the fingerprint of another network"})
 
 
 def test_it_starts_from_equal_weights(evaluator: Evaluator) -> None:
@@ -77,6 +82,7 @@ def test_a_search_may_be_over_fewer_sources_and_not_yet_begun(
         (lambda e, s: RoutingWorkbench(e, ("a", "b"), search=s), "search: is over the sources a, c"),
         (lambda e, s: RoutingWorkbench(e, pair="pair9"), "unknown pair of benchmark"),
         (lambda e, s: RoutingWorkbench(e, ("a",), recipe=e.pool.equal("b")), "holds the source 'b'"),
+        (lambda e, s: RoutingWorkbench(e, recipe=of_another(e)), "merged from another 'a'"),
         (lambda e, s: RoutingWorkbench(e, search="nowhere.jsonl"), "no such file"),
         (lambda e, s: RoutingWorkbench(e).trial(0), "open with search="),
         (lambda e, s: RoutingWorkbench(e, search=s).trial(9), "expected 0 to 8"),

@@ -71,8 +71,8 @@ class RoutingInspector(RoutingTraits):
             settings: ``theme``, ``layout``.
 
         Raises:
-            InputError: an unknown source, pair or setting, or a search or recipe over other sources or
-                blocks.
+            InputError: an unknown source, pair or setting, a search or recipe over other sources or
+                blocks, or a recipe of other networks.
         """
         self._looks, self._scores = Latest(SETTLE_SECONDS), Latest()
         self._scoring: Recipe | None = None
@@ -121,7 +121,7 @@ class RoutingInspector(RoutingTraits):
     @recipe.setter
     def recipe(self, recipe: Recipe) -> None:
         with self.changing():
-            self._take_on(recipe)
+            self._edit(self._bench.taken(recipe))
 
     @property
     def pair_score(self) -> float:
@@ -193,7 +193,7 @@ class RoutingInspector(RoutingTraits):
     @command
     def load(self, text: str) -> None:
         """Take on a recipe from its JSON text."""
-        self._take_on(Recipe.from_json(text, where="the pasted text"))
+        self._edit(self._bench.taken(Recipe.from_json(text, where="the pasted text")))
 
     @command
     def scrub(self, trial: int, gesture: str | None = None) -> None:
@@ -244,11 +244,6 @@ class RoutingInspector(RoutingTraits):
             InputError: the target is refused.
         """
         self.saved = str(save_merged(self._bench.evaluator.pool, self.recipe, path))
-
-    def _take_on(self, recipe: Recipe) -> None:
-        draft = self._bench.draft.of(recipe)
-        self._bench.evaluator.pool.check_networks(recipe)
-        self._edit(draft)
 
     def _edit(self, draft: RoutingDraft, gesture: str | None = None) -> None:
         self._go(self._bench.history.edit(draft, gesture))
