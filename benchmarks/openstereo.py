@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import sys
 import tempfile
 import time
@@ -29,6 +28,7 @@ import torch
 
 import sfkit
 from sfkit.architectures import architecture
+from sfkit.evaluation.estimating import peak_memory
 
 CHECKOUT = "SFKIT_OPENSTEREO"
 REAL = "SFKIT_REAL_DATA"
@@ -106,7 +106,7 @@ def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> d
         "blocks": list(pool.blocks),
         **{key: round(seconds, 1) for key, seconds in spent.items()},
         "evaluations": evaluated,
-        "peak_memory_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
+        "peak_memory_mb": round(peak_memory() / (1 << 20)),
     }
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
-import resource
 import subprocess
 import sys
 import threading
@@ -16,6 +15,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
+
+from sfkit.evaluation.estimating import peak_memory
 
 T = TypeVar("T")
 
@@ -56,8 +57,7 @@ def apart(function: Callable[..., T], *arguments: Any, **named: Any) -> T:
 
 def peak_mb() -> float:
     """The most memory this process has held, in MiB."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1 << 20 if sys.platform == "darwin" else 1 << 10)
+    return peak_memory() / (1 << 20)
 
 
 def call_watched(script: str, *arguments: str) -> tuple[Any, Peak]:

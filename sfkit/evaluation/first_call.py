@@ -6,7 +6,6 @@ scores like noise. One pair with a known shift shows what is wrong, and which op
 
 from __future__ import annotations
 
-import resource
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from torch import nn
 from sfkit.architectures import InputConvention
 from sfkit.errors import InputError
 from sfkit.evaluation.engines.plan import module_of
+from sfkit.evaluation.estimating import peak_memory
 from sfkit.merging.pool import Pool
 
 SHIFT = 8  # pixels that the pair's right view is moved by
@@ -92,8 +92,7 @@ def first_call(pool: Pool) -> FirstCall:
         )
     seconds = time.perf_counter() - started
     mistakes += [fatal] if fatal else list(_output(output, again, inputs.window(*size)[1]))
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
-    return FirstCall(tuple(mistakes), seconds, memory, size)
+    return FirstCall(tuple(mistakes), seconds, peak_memory(), size)
 
 
 def _importable(pool: Pool) -> Iterator[Mistake]:

@@ -147,6 +147,15 @@ def test_memory_of_a_process_is_told_by_kind(results: ModuleType, tmp_path: Path
     assert more_mapped.anonymous_mb == pytest.approx(little.anonymous_mb, abs=4)
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="its own peak is read from /proc: run it on Linux")
+def test_the_peak_of_a_process_is_its_own(results: ModuleType) -> None:
+    """What getrusage says counts from the peak of the process that started it."""
+    processes = importlib.import_module("processes")
+    held = bytearray(b"x") * (400 << 20)
+    assert processes.apart(processes.peak_mb) < processes.peak_mb() - 200
+    assert len(held) == 400 << 20
+
+
 def test_evidence_is_what_finished_comparisons_say(
     results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
