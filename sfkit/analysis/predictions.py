@@ -79,7 +79,8 @@ class Calibration:
         levels: of the intervals mean ± q * sd, normal, in (0, 1).
         coverage: for each level, the share of measured scores inside.
         honest: for each level, the ends of the range in which the coverage of a model that is right would lie
-            in 95 of 100 searches (binomial).
+            in 95 of 100 searches (binomial) that propose one at a time on scores without noise: with noise,
+            or in batches, whose earlier proposals it believes unheard, more lie outside.
         error: mean of measured - predicted, in the metric's unit.
         rms: root mean square of the same.
         correlation: of predicted and measured; NaN below three proposals, or where one of them is constant.
