@@ -96,9 +96,14 @@ class SearchVerdict:
             f"  {_cut(one, first):<{first}}  {two:>{guided}}  {three:>{unseen}}  {_cut(four, last)}".rstrip()
             for one, two, three, four in rows
         ]
-        told = [row.difference.reason for row in self.comparison.rows if row.difference is not None]
-        reasons = [f"  no interval: {reason}" for reason in dict.fromkeys(filter(None, told))]
-        return (self.verdict.sentence, *table, *reasons)
+        found = [row.difference for row in self.comparison.rows if row.difference is not None]
+        notes = [f"  no interval: {one.reason}" for one in found if one.reason]
+        notes += [
+            f"  within noise though its interval leaves 0 out: {one.allowance}"
+            for one in found
+            if one.allowance
+        ]
+        return (self.verdict.sentence, *table, *dict.fromkeys(notes))
 
 
 def _cut(text: str, width: int) -> str:

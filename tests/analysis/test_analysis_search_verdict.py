@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -58,6 +59,13 @@ def test_a_stage_2_that_holds_elsewhere_is_recommended(tmp_path: Path) -> None:
     # On the test five is 0.975 off at the mean, and 3.2 is 0.825.
     assert difference.short.startswith("better, -0.15 [")
     assert max(map(len, told.lines[1:])) <= 80
+    # An interval is that of one difference alone; the word is told of all of them together.
+    many = replace(difference, p=0.06, family=4)
+    rows = (*told.comparison.rows[:-1], replace(told.comparison.rows[-1], unseen_difference=many))
+    lines = replace(told, comparison=replace(told.comparison, rows=rows)).lines
+    assert lines[-2].endswith(many.short)
+    assert many.short.startswith("within noise, -0.15 [")
+    assert lines[-1] == "  within noise though its interval leaves 0 out: one of 4 comparisons"
 
 
 def test_a_stage_2_that_fits_its_pairs_is_overruled(tmp_path: Path) -> None:
