@@ -24,7 +24,8 @@ HEAD = """## Stage 2: the best score against evaluations
 then Stage 2 over the subset it found, on windows of a few validation pairs drawn by the seed. Numbers are
 points behind (above 0) or ahead (below 0) of what CMA-ES has after 300 evaluations of the same search:
 median and quartiles. Evaluations are those of Stage 2; what has no stages gets those of Stage 1 besides.
-`needs` is how many it takes for CMA-ES's score after 300, median over searches, beside how many got there."""
+`needs` is how many it takes for CMA-ES's score after 300, median over searches, beside how many got there.
+`model, no far draws` has further settings of its own: beta 1 and patience 8, for 2 and 4."""
 BLOCKWISE = """### Block-specific routing
 
 The same searches with weights for every block of its own. Points against CMA-ES with tied weights after 300
