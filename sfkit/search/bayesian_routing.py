@@ -9,8 +9,8 @@ by their bounds: without them some searches stay beside x = 0 while CMA-ES finds
 
 Measured on the bank with 6 to 9 entries of x: tied routing over two to five sources. What block-specific
 routing needs, which has four times as many weights, was not measured on networks. The model needs 89
-evaluations at the median for what CMA-ES has after 300, and CMA-ES still finds better after 250 and more, the
-model rarely after its first 100: with a budget of hundreds go on with
+evaluations at the median for what CMA-ES has after 300; it was not run beyond 100, and CMA-ES still finds
+better after 250: with a budget of hundreds go on with
 :class:`~sfkit.search.routing.RoutingSearch`, started from what the model found.
 """
 
