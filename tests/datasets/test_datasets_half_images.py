@@ -34,6 +34,16 @@ def test_half_a_jpeg_is_refused(tmp_path: Path, share: float, ending: bytes) -> 
         read_image(_written(tmp_path, whole[: int(share * len(whole))] + ending))
 
 
+@pytest.mark.parametrize("progressive", [0, 1])
+def test_a_jpeg_that_ends_within_a_segment_is_refused(tmp_path: Path, progressive: int) -> None:
+    """Wherever it ends: the sizes and the scans are counted by bytes that may not have come."""
+    whole = jpeg(photo((16, 16)), cv2.IMWRITE_JPEG_PROGRESSIVE, progressive)
+    scan = whole.rindex(b"\xff\xda")
+    for length in (*range(4, whole.index(b"\xff\xda") + 16), *range(scan, scan + 16)):
+        with pytest.raises(InputError, match="ends too early"):
+            read_image(_written(tmp_path, whole[:length]))
+
+
 def test_the_end_of_a_thumbnail_is_not_that_of_the_image(tmp_path: Path) -> None:
     """In a segment of its own at the end of what is there, within the 64 bytes that were looked at."""
     whole, small = jpeg(photo()), b"\xff\xd8" + b"\0" * 10 + END
