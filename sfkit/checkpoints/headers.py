@@ -125,6 +125,7 @@ def _sound_texts(path: Path) -> dict[str, str] | None:
             if 8 + length + begin != reached or end - begin != _BYTES[dtype] * math.prod(shape):
                 return None
             reached = 8 + length + end
+        plain = all(isinstance(text, str) for text in texts.values())
     except (InputError, UnicodeDecodeError, AttributeError, KeyError, TypeError, ValueError):
         return None
-    return texts if reached == size and all(isinstance(text, str) for text in texts.values()) else None
+    return texts if reached == size and plain else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,9 +14,10 @@ from tiny import write_pool
 
 import sfkit
 from sfkit.checkpoints.fingerprints import tensor_digest
-from sfkit.checkpoints.headers import stored_tensors
+from sfkit.checkpoints.headers import read_texts, stored_tensors
 from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.groups import first_paragraph
+from sfkit.errors import InputError
 
 HEAVY = ("torch", "numpy", "pandas", "scipy", "cv2", "plotly", "cma", "IPython", "nbconvert", "rich")
 LINES = f"""
@@ -82,3 +84,14 @@ def test_digests_from_a_file_are_those_of_its_tensors(dtype: torch.dtype, tmp_pa
     assert {key: entry.digest for key, entry in stored.items()} == {
         key: tensor_digest(tensor) for key, tensor in tensors.items()
     }
+
+
+@pytest.mark.parametrize("texts", [[], None, 3, {"a": 1}])
+def test_texts_of_another_form_are_refused_in_a_sentence(texts: object, tmp_path: Path) -> None:
+    header = json.dumps({"__metadata__": texts}).encode()
+    (tmp_path / "net.safetensors").write_bytes(len(header).to_bytes(8, "little") + header)
+    if texts is None:
+        assert read_texts(tmp_path / "net.safetensors") == {}, "as safetensors has it"
+        return
+    with pytest.raises(InputError, match=r"net\.safetensors: cannot be read as safetensors"):
+        read_texts(tmp_path / "net.safetensors")
