@@ -25,7 +25,7 @@ class Places:
         self._reads = {
             f"--{name.replace('_', '-')}": path for name, path in reads.items() if path is not None
         }
-        self._writes: dict[Path, str] = {}
+        self._writes: dict[object, str] = {}
 
     def reads(self, argument: str, path: Path | None) -> None:
         """A file the command reads and must not write to; None where it was not given."""
@@ -93,21 +93,26 @@ class Places:
         Raises:
             InputError: the command reads it, or writes it as something else, under whatever name.
         """
+        marks = _marks(path)
         for other, read in self._reads.items():
-            if _same(path, read):
+            if not marks.isdisjoint(_marks(read)):
                 raise InputError(f"{argument}: {path} is the file that {other} names, expected another one")
-        for written, other in self._writes.items():
-            if _same(path, written):
-                raise InputError(
-                    f"{argument}: {path} is a file that {other} writes to already, expected another name"
-                )
-        self._writes[path] = argument
+        held = next((self._writes[mark] for mark in marks if mark in self._writes), None)
+        if held is not None:
+            raise InputError(
+                f"{argument}: {path} is a file that {held} writes to already, expected another name"
+            )
+        self._writes |= dict.fromkeys(marks, argument)
 
 
-def _same(path: Path, other: Path) -> bool:
-    if path.exists() and other.exists():
-        return path.samefile(other)
-    return os.path.realpath(path) == os.path.realpath(other)  # for links in a circle too
+def _marks(path: Path) -> frozenset[object]:
+    """What paths to one file have in common: its place and, where it exists, which file of the disk it is."""
+    place = os.path.realpath(path)  # for links in a circle too
+    try:
+        found = path.stat()
+    except OSError:
+        return frozenset((place,))
+    return frozenset((place, (found.st_dev, found.st_ino)))
 
 
 def _check_place(argument: str, folder: Path) -> None:

@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 from cli_world import Shell
 
+from sfkit.cli import outputs
+from sfkit.cli.outputs import Places
+from sfkit.errors import InputError
 from sfkit.search.run_folder import run_folder
 
 PAIRS = "-b pairs -r pairs"
@@ -124,6 +127,28 @@ def test_what_is_read_is_not_written(line: str, said: str, shell: Shell, world: 
     _, errors = shell(line, code=2)
     assert said in errors
     assert files(world) == before
+
+
+def test_a_file_under_two_names_and_a_value_that_is_no_name(tmp_path: Path) -> None:
+    """A link to the same file of the disk; and a sentence that a parameter of a notebook holds."""
+    (tmp_path / "a.html").write_text("")
+    (tmp_path / "b.html").hardlink_to(tmp_path / "a.html")
+    places = Places()
+    places.reads("-p note", Path("long. " * 100))
+    places.claim("--out", tmp_path / "a.html")
+    with pytest.raises(InputError, match=r"b\.html is a file that --out writes to already"):
+        places.claim("--report", tmp_path / "b.html")
+
+
+def test_maps_of_a_large_data_set_are_claimed_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each is looked at once, not once for every other."""
+    looked: list[Path] = []
+    marks = outputs._marks
+    monkeypatch.setattr(outputs, "_marks", lambda path: (looked.append(path), marks(path))[1])
+    Places().folder("--maps", tmp_path / "maps", [f"pair{number}.png" for number in range(50)])
+    assert len(looked) == 50
 
 
 BOOK = {
