@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from engines_world import noise, trapped_pool
@@ -12,7 +13,7 @@ from engines_world import noise, trapped_pool
 from sfkit import Evaluator, open_benchmark, open_pool
 from sfkit.evaluation.engines import reserve
 from sfkit.evaluation.engines.crew import ParallelEngine, Task
-from sfkit.evaluation.engines.processes import ProcessCrew
+from sfkit.evaluation.engines.processes import ProcessCrew, ProcessSeat, leave
 from sfkit.evaluation.engines.schedule import ImageRange
 from sfkit.evaluation.store import Evaluation
 
@@ -68,6 +69,30 @@ def test_a_busy_worker_ends_with_its_evaluator() -> None:
         (pid,) = crew(evaluator).pids
     assert not reserve._waiting
     assert not Path(f"/proc/{pid}").exists()
+
+
+class Waiter:
+    """A process that would wait for a plan."""
+
+    owner, running = os.getpid(), True
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda *_: self.told.append(name)
+
+
+def test_a_crew_that_is_collected_while_the_reserve_is_at_work_does_not_wait_for_it(tmp_path: Path) -> None:
+    """As by Python's collector, which runs in whatever thread makes an object."""
+    seat = ProcessSeat("cpu", ready=True)
+    seat.surroundings, seat.process = reserve.Surroundings.here(1, tmp_path), Waiter()  # type: ignore[assignment]
+    with reserve._lock:
+        leave([seat], kept=True)
+    assert not reserve._waiting
+    assert seat.process.told == ["release", "terminate", "ended"]  # type: ignore[attr-defined]
+    leave([seat], kept=True)
+    assert [process for _, process in reserve._waiting] == [seat.process]
 
 
 def test_a_worker_that_ran_a_users_code_does_not_stay(tmp_path: Path) -> None:

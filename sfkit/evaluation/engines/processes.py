@@ -134,9 +134,8 @@ def leave(taken: Sequence[ProcessSeat], kept: bool) -> None:
     here = [seat for seat in taken if seat.process.owner == os.getpid()]  # a fork owns none of them
     # A message that an interrupt cut in two leaves its seat not ready, or with a task.
     idle = [seat for seat in here if kept and seat.ready and seat.task is None and seat.process.running]
-    for seat in idle:
-        reserve.keep(seat.surroundings, seat.process)
-    stop([seat.process for seat in here if seat not in idle])
+    stay = [seat for seat in idle if reserve.keep(seat.surroundings, seat.process)]
+    stop([seat.process for seat in here if seat not in stay])
 
 
 def process_engine(

@@ -46,12 +46,22 @@ def worker(threads: int, folder: Path) -> tuple[Surroundings, Spawned]:
         return _waiting.pop() if _waiting else (wanted, Spawned(threads, folder))
 
 
-def keep(surroundings: Surroundings, process: Spawned) -> None:
-    """Let a process that waits for a task wait for a plan instead; those of other surroundings end."""
-    with _lock:
+def keep(surroundings: Surroundings, process: Spawned) -> bool:
+    """Let a process that waits for a task wait for a plan instead; those of other surroundings end.
+
+    Returns:
+        False where the reserve is at work: a crew may be collected, and end, in the middle of that, in the
+        same thread, and would wait for itself.
+    """
+    if not _lock.acquire(blocking=False):
+        return False
+    try:
         _end([entry for entry in _waiting if entry[0] != surroundings])
         process.send(Done())
         _waiting.append((surroundings, process))
+    finally:
+        _lock.release()
+    return True
 
 
 def _serves(process: Spawned) -> bool:
