@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -73,6 +75,21 @@ def test_a_plan_travels_and_becomes_a_worker(pool: Pool) -> None:
     assert worker.model.mode == mode
     assert worker.benchmark.quantities.thresholds == (0.5, 1.25)
     assert worker.run(pool.uniform()).failure is None
+
+
+def test_a_plan_that_runs_others_code_leaves_a_trace(pool: Pool) -> None:
+    """The user's file, one of their modules, their checkout: none of it is there for the next plan."""
+    plan = WorkerPlan.of(pool, noise(), Quantities((1.0,)), mode=ForwardMode(), threads=1)
+    assert not plan.leaves_no_trace
+    for name, ours in (("anynet", True), ("adapters.standalone", False), ("adapters.installed", False)):
+        module = architecture_module(name)
+        assert replace(plan, module=module).leaves_no_trace is ours
+
+
+def architecture_module(name: str) -> str:
+    module = f"sfkit.architectures.{name}"
+    assert importlib.util.find_spec(module) is not None
+    return module
 
 
 def test_torchs_settings_travel_with_a_plan() -> None:

@@ -29,6 +29,7 @@ from sfkit.merging.prepare import prepare
 from sfkit.merging.steps import FisherMean, Step
 
 _NOT_IMPORTABLE = (None, "__main__", "__mp_main__")
+_ADAPTERS = "sfkit.architectures.adapters."
 
 
 @dataclass(frozen=True)
@@ -154,6 +155,7 @@ class WorkerPlan:
         """Whether a process that followed it holds no code but sfkit's, and can follow any other plan."""
         modules = {self.module, *(type(pair).__module__ for pair in self.benchmark.pairs)}
         ours = all(module.partition(".")[0] == "sfkit" for module in modules)
+        ours = ours and not self.module.startswith(_ADAPTERS)  # what they build is others' code
         return ours and self.code is None and not self.quantities.own
 
     def register(self) -> None:
