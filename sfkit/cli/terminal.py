@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import threading
 from typing import TYPE_CHECKING, TextIO
 
 import typer
@@ -29,6 +30,8 @@ _COUNT = "{desc} {n:.0f}, {elapsed}{postfix}"
 
 _shown: dict[str, tqdm[None]] = {}
 """The bars that are on the screen, by their steps: lines are written above them."""
+_turn = threading.RLock()
+"""Trainings side by side are heard by a thread each; one at a time has the screen."""
 
 
 def printable(text: str) -> str:
@@ -50,11 +53,12 @@ def at_terminal(stream: TextIO) -> bool:
 
 def say(text: str) -> None:
     """A line of progress on standard error, above the bars where there are any."""
-    for bar in _shown.values():
-        bar.clear()
-    typer.echo(coloured(printable(text), sys.stderr), err=True)
-    for bar in _shown.values():
-        bar.refresh()
+    with _turn:
+        for bar in _shown.values():
+            bar.clear()
+        typer.echo(coloured(printable(text), sys.stderr), err=True)
+        for bar in _shown.values():
+            bar.refresh()
 
 
 class Bars:
@@ -77,7 +81,8 @@ class Bars:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._close(*_shown)
+        with _turn:
+            self._close(*_shown)
 
     def __call__(
         self, step: str, done: float, total: float | None, note: str = "", *, line: str | None = None
@@ -95,14 +100,15 @@ class Bars:
             if line is not None:
                 say(line)
             return
-        if not self._side_by_side:
-            self._close(*(other for other in _shown if other != step))
-        self._done[step] = done
-        bar = _shown.get(step) or self._bar(step, total)
-        bar.total, bar.n = total and max(total, done), done
-        bar.set_postfix_str(printable(note))
-        if total is not None and done >= total:
-            self._close(step)
+        with _turn:
+            if not self._side_by_side:
+                self._close(*(other for other in _shown if other != step))
+            self._done[step] = done
+            bar = _shown.get(step) or self._bar(step, total)
+            bar.total, bar.n = total and max(total, done), done
+            bar.set_postfix_str(printable(note))
+            if total is not None and done >= total:
+                self._close(step)
 
     def hear(self, line: str) -> None:
         """A line such as ``kitti: step 50 of 300, loss 0.12``: a bar at a terminal, else said as it is."""
@@ -114,7 +120,7 @@ class Bars:
 
     def within(self, done: float, total: float) -> None:
         """So many of the networks are scored that the step under way asked for; without bars nothing."""
-        for step, bar in _shown.items():
+        for step, bar in tuple(_shown.items()):
             bar.n = min(self._done[step] + done, bar.total) if total and bar.total else bar.n
             bar.refresh()
 

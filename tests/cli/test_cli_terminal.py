@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,28 @@ def test_trainings_side_by_side_have_a_bar_each(
         bars.hear("kitti: step 300 of 300, loss 0.100, 0 s left")
         assert list(terminal._shown) == ["indoor"]
         bars.hear("streets: missing, 300 steps")
+    assert "streets: missing, 300 steps\n" in ESCAPE.sub("", screen.text())
+
+
+def test_threads_take_turns_on_the_screen(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line that is written while another training's bar comes: both are shown, neither thread fails."""
+    screen, failed = Screen(capsys, monkeypatch), []
+    with Bars(side_by_side=True) as bars:
+        bars("kitti", 1, 9)
+        other = threading.Thread(target=bars, args=("indoor", 1, 9))
+
+        def clear() -> None:
+            other.start()
+            other.join(0.2)
+
+        monkeypatch.setattr(terminal._shown["kitti"], "clear", clear)
+        monkeypatch.setattr(threading, "excepthook", failed.append)
+        say("streets: missing, 300 steps")
+        other.join()
+        assert list(terminal._shown) == ["kitti", "indoor"]
+    assert not failed
     assert "streets: missing, 300 steps\n" in ESCAPE.sub("", screen.text())
 
 
