@@ -104,7 +104,7 @@ class Bars:
             if not self._side_by_side:
                 self._close(*(other for other in _shown if other != step))
             self._done[step] = done
-            bar = _shown.get(step) or self._bar(step, total)
+            bar = _shown[step] if step in _shown else self._bar(step, total)  # a bar may have no truth value
             bar.total, bar.n = total and max(total, done), done
             bar.set_postfix_str(printable(note))
             if total is not None and done >= total:

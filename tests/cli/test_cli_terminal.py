@@ -13,6 +13,7 @@ from cli_world import Shell, rename_sources
 from tiny import write_pairs, write_pool
 
 from sfkit.cli import terminal
+from sfkit.cli.following import followed
 from sfkit.cli.terminal import Bars, coloured, say
 
 ESCAPE = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
@@ -87,6 +88,15 @@ def test_threads_take_turns_on_the_screen(
         assert list(terminal._shown) == ["kitti", "indoor"]
     assert not failed
     assert "streets: missing, 300 steps\n" in ESCAPE.sub("", screen.text())
+
+
+def test_a_bar_of_what_nobody_can_count(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a video that does not say how many frames it has."""
+    screen = Screen(capsys, monkeypatch)
+    assert list(followed("abc", lambda number, piece: None, total=None, what="frames")) == ["a", "b", "c"]
+    assert "frames 3, 00:00" in ESCAPE.sub("", screen.text())
 
 
 def test_elsewhere_there_are_plain_lines(capsys: pytest.CaptureFixture[str]) -> None:
