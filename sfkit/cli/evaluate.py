@@ -144,7 +144,11 @@ def _all_subsets(pool: Pool) -> dict[str, Recipe]:
 
 
 def _document(pool: Pool, evaluator: Evaluator, scores: pd.DataFrame) -> dict[str, Any]:
-    ranked = scores.dropna(subset="score").sort_values("score", kind="stable")
+    from sfkit.datasets.metric import Metric
+
+    first = Metric.parse(scores["metric"].iloc[0])  # scores of several are not compared with each other
+    ranked = scores[scores["metric"] == first.name].dropna(subset="score")
+    ranked = ranked.sort_values("score", ascending=first.lower_is_better, kind="stable")
     return {
         "pool": pool.name,
         "benchmark": evaluator.benchmark.describe(),

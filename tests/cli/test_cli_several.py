@@ -6,6 +6,7 @@ import io
 import math
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from tiny import write_pairs, write_pool
 
 import sfkit
 from sfkit.analysis.judgement import Judgement
+from sfkit.cli.evaluate import _document
 from sfkit.colours import ERROR, lookup
 from sfkit.evaluation import Estimate
 
@@ -55,6 +57,16 @@ def test_evaluate_several_networks_metrics_and_images(shell: Shell) -> None:
     assert text.splitlines()[1].split() == ["network", "image", "d1", "[%]", "epe", "[px]"]
     expected = [row["score"] for row in document["images"]]
     assert pd.read_csv("images.csv")["score"].tolist() == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("metrics", "best"), [(("d1", "epe"), "a"), (("epe", "d1"), "b")])
+def test_the_best_of_several_metrics_is_that_of_the_first(metrics: tuple[str, str], best: str) -> None:
+    """Percent and pixels are not ranked in one list, where the few pixels would win."""
+    values = {("a", "d1"): 10.0, ("b", "d1"): 20.0, ("a", "epe"): 2.0, ("b", "epe"): 1.0}
+    rows = [(network, metric, values[network, metric]) for network in "ab" for metric in metrics]
+    scores = pd.DataFrame(rows, columns=["network", "metric", "score"])
+    described = SimpleNamespace(name="pool", benchmark=SimpleNamespace(describe=dict))
+    assert _document(described, described, scores)["best"] == best  # type: ignore[arg-type]
 
 
 def test_compare_says_which_is_better_and_where(shell: Shell) -> None:
