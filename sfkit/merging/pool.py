@@ -247,8 +247,9 @@ class Pool:
         Raises:
             InputError: the recipe is not for this pool.
         """
-        members = {"base": self.base, **self.taking_part(recipe)}
-        return replace(self.signed(recipe), merged_from={name: m.fingerprint for name, m in members.items()})
+        signed = self.signed(recipe)
+        members = {"base": self.base, **self.taking_part(signed)}
+        return replace(signed, merged_from={name: m.fingerprint for name, m in members.items()})
 
     def taking_part(self, recipe: Recipe) -> dict[str, Checked]:
         """The sources with a weight somewhere, or those that one with a weight was made from, by name."""

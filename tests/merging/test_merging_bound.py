@@ -52,6 +52,8 @@ def test_a_recipe_s_json_knows_its_networks_as_the_merged_file_does(tmp_path: Pa
     read = read_recipe(tmp_path / "r.json")
     assert read.merged_from == {"base": pool.base.fingerprint, **pool.identity}
     assert (read, read.as_dict()) == (recipe, recipe.as_dict())
+    with pytest.raises(InputError, match="'none'"):
+        pool.bound(sfkit.Recipe.weighted({"low": 0.5, "none": 0.5}, pool.blocks))
     other = exchanged(tmp_path / "pool")
     with pytest.raises(InputError, match=r"another 'low' .*; to merge .* take networks out of its JSON"):
         other.merge(read)
