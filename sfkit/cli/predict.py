@@ -88,6 +88,10 @@ def predict(
     from sfkit.evaluation.stereo_model import load
 
     known = _calibration(calibration, cameras, focal, baseline)
+    if farthest is not None and not cloud:
+        raise InputError(
+            "--farthest: found no --cloud, expected the point cloud that it leaves points out of"
+        )
     outputs = Outputs(form, known, check, cloud, farthest)
     options = network_options(option)
     plan = _plan(left, right, layout, every, out, outputs, force=force)

@@ -46,6 +46,8 @@ def test_predict_says_both_names_and_makes_points_of_folders(shell: Shell, world
         "1 of 2: l9.png and r9.png -> out/l9.pfm",
         "2 of 2: l10.png and r10.png -> out/l10.pfm",
     ]
+    _, errors = shell(f"{line.replace('--cloud', '')} -o far", code=2)
+    assert "--farthest: found no --cloud" in errors
     rows = shell.json(f"{line} -o out --force")["predictions"]
     assert [(row["left"], row["right"]) for row in rows] == [
         ("left/l9.png", "right/r9.png"),
