@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
 from sfkit.analysis.disparities import DisparityPanels, panels_of
 from sfkit.analysis.measured import Measured
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.metrics import ImageErrors, Quantities
+from sfkit.evaluation.prediction_files import predict_checked
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.evaluation.stereo_model import StereoModel
 
@@ -36,6 +35,7 @@ def measure_networks(
 
     Raises:
         InputError: no network, an unknown metric, or a pair that cannot be scored.
+        SfkitError: a network failed on a pair.
     """
     if not models:
         raise InputError("models: found none, expected name -> network of at least one")
@@ -48,7 +48,10 @@ def measure_networks(
             progress(number, len(benchmark))
         prepared = PreparedBenchmark(benchmark.select([pair]), inputs, Quantities.of(*wanted))
         sample = prepared.samples[0]
-        maps = {name: np.asarray(model(sample.left, sample.right)) for name, model in models.items()}
+        maps = {}
+        for name, model in models.items():
+            where = f"{name} on {pair}"
+            maps[name], _ = predict_checked(model.loaded, sample.left, sample.right, where, check=False)
         for name, disparity in maps.items():
             images[name].append(prepared.errors(0, disparity))
         if look is not None:

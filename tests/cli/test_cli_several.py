@@ -21,7 +21,7 @@ import sfkit
 from sfkit.analysis.judgement import Judgement
 from sfkit.cli.evaluate import _document
 from sfkit.colours import ERROR, lookup
-from sfkit.evaluation import Estimate
+from sfkit.evaluation import Estimate, prediction_files
 
 PAIRS = "-b pairs -r pairs"
 
@@ -103,6 +103,14 @@ def test_compare_says_which_is_better_and_where(shell: Shell) -> None:
     assert np.abs(there - blue).sum() < np.abs(middle - blue).sum(), "blue where b is nearer by the most"
     _, said = shell(f"{line} --maps maps", code=2)
     assert "maps/pair0_a_disparity.png exists" in said
+
+
+def test_compare_says_which_network_failed(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("kitti", "indoor"):
+        shell(f"merge pool --subset {name},driving -o {name}.safetensors")
+    monkeypatch.setattr(prediction_files, "predict", lambda *_: 1 / 0)
+    _, said = shell(f"compare kitti.safetensors indoor.safetensors {PAIRS}", code=1)
+    assert "error: kitti on pair0: the network failed (ZeroDivisionError: division by zero)" in said
 
 
 def test_compare_refuses_before_any_work(shell: Shell) -> None:
