@@ -100,7 +100,7 @@ def _jpeg_ends(data: bytes) -> bool:
         if kind == _END:
             return not missing.left
         if kind in _FRAMES:
-            missing.expect(data[at + 4 :])
+            missing.expect(data[at + 4 : at + 4 + 6 + 3 * 255], progressive=kind & 0x03 == 0x02)
         elif kind == _SCAN:
             missing.take(data[at + 4 : at + 4 + 16])
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
@@ -117,14 +117,16 @@ class _Refinements:
 
     def __init__(self) -> None:
         self._left: dict[int, set[int]] = {}
+        self._progressive = False
 
     @property
     def left(self) -> bool:
         """True while some are missing."""
         return any(self._left.values())
 
-    def expect(self, frame: bytes) -> None:
+    def expect(self, frame: bytes, *, progressive: bool) -> None:
         """Hear of the colours: a frame's content, after its length."""
+        self._progressive = progressive
         count = int.from_bytes(frame[5:6], "big")  # 0 where the file ends before it is said
         self._left = {colour: set(range(64)) for colour in frame[6 : 6 + 3 * count : 3]}
 
@@ -133,7 +135,8 @@ class _Refinements:
         end = 1 + 2 * int.from_bytes(scan[:1], "big")
         if len(scan) < end + 3:
             return
-        first, last, bits = scan[end : end + 3]
+        # Elsewhere a scan is all there is of its colours, and some programs write zeros here.
+        first, last, bits = scan[end : end + 3] if self._progressive else (0, 63, 0)
         for colour in scan[1:end:2] if bits & 0x0F == 0 else ():
             self._left.get(colour, set()).difference_update(range(first, last + 1))
 

@@ -89,6 +89,17 @@ def test_colours_may_come_in_scans_of_their_own(tmp_path: Path) -> None:
     read_image(_written(tmp_path, whole))
 
 
+def test_zeros_that_decoders_look_over_are_looked_over(tmp_path: Path) -> None:
+    """Old programs say of the one scan of a plain JPEG that it brings frequency 0 alone; libjpeg warns."""
+    whole = jpeg(photo())
+    scan = whole.index(b"\xff\xda")
+    end = scan + 2 + int.from_bytes(whole[scan + 2 : scan + 4], "big")
+    assert whole[end - 3 : end] == b"\x00\x3f\x00"
+    zeros = _written(tmp_path, whole[: end - 3] + bytes(3) + whole[end:])
+    found = read_image(zeros)
+    assert np.array_equal(found, read_image(_written(tmp_path, whole)))
+
+
 def _written(folder: Path, content: bytes) -> Path:
     (folder / "x.jpg").write_bytes(content)
     return folder / "x.jpg"
