@@ -183,8 +183,10 @@ class SearchPlan:
 
         Raises:
             InputError: a name the pool does not have, constraints that leave nothing to choose, a subset
-                of one source, or a start that Stage 2 cannot express.
+                of one source, or a start that Stage 2 cannot express or that was made with other networks.
         """
+        if self.start is not None:
+            pool.check_networks(self.start)
         subset = self.subset
         if subset is None:
             space = self.constraints.space(pool.names, pool.blocks)

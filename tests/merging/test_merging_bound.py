@@ -17,6 +17,7 @@ from sfkit.checkpoints.checks import check_values
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.saving import read_origin, read_recipe
+from sfkit.search.plan import SearchPlan
 
 LEVELS = {"low": 4.0, "high": 12.0}
 
@@ -59,6 +60,15 @@ def test_a_recipe_s_json_knows_its_networks_as_the_merged_file_does(tmp_path: Pa
         other.merge(read)
     (tmp_path / "r.json").write_text(recipe.to_json())
     assert float(other.merge(read_recipe(tmp_path / "r.json")).network.level) == 6.0  # type: ignore[arg-type]
+
+
+def test_a_search_does_not_start_from_a_recipe_of_other_networks(tmp_path: Path) -> None:
+    pool = flat_pool(tmp_path / "pool", LEVELS)
+    start = pool.bound(sfkit.Recipe.weighted({"low": 0.25, "high": 0.75}, pool.blocks))
+    plan = SearchPlan(subset=("low", "high"), start=start)
+    plan.check(pool)
+    with pytest.raises(InputError, match="were names exchanged"):
+        plan.check(exchanged(tmp_path / "pool"))
 
 
 def test_only_networks_with_a_weight_are_bound(tmp_path: Path) -> None:
