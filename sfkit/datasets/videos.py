@@ -113,15 +113,19 @@ def frames(path: str | Path) -> Iterator[Image]:
 def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     if why := trouble(path):
         raise InputError(f"{path}: cannot be read ({why}), expected a video")
-    try:
-        str(path).encode()
-    except UnicodeEncodeError as error:  # OpenCV ends the process at such a name
-        raise InputError(f"{path}: has a name that is no text, expected another to read a video") from error
+    _ensure_text(path, "read")
     video = cv2.VideoCapture(str(path))
     try:
         yield video
     finally:
         video.release()
+
+
+def _ensure_text(path: Path, do: str) -> None:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:  # OpenCV ends the process at such a name
+        raise InputError(f"{path}: has a name that is no text, expected another to {do} a video") from error
 
 
 def _property(path: Path, which: int) -> float:
@@ -142,8 +146,9 @@ def writing_video(path: Path, rate: float) -> Iterator[Callable[[Image], None]]:
         rate: frames a second.
 
     Raises:
-        InputError: OpenCV cannot write frames of that size, or one has another size.
+        InputError: the name is no text, OpenCV cannot write frames of that size, or one has another size.
     """
+    _ensure_text(path, "write")
     with fresh_beside(path) as fresh:
         file = fresh.with_name(f"{fresh.name}.mp4")  # OpenCV takes the container from the ending
         writer: cv2.VideoWriter | None = None

@@ -88,6 +88,11 @@ def test_a_name_that_is_no_text_does_not_end_the_process(tmp_path: Path) -> None
     path.write_bytes(b"anything")
     with pytest.raises(InputError, match="has a name that is no text"):
         next(frames(path))
+    with (
+        pytest.raises(InputError, match="is no text, expected another to write"),
+        writing_video(path.with_suffix(".mp4"), 12.0) as append,
+    ):
+        append(grey(1))
 
 
 def test_a_written_video_holds_what_it_got_when_it_ended(tmp_path: Path) -> None:
