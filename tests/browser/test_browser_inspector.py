@@ -336,7 +336,8 @@ def test_recipes_are_loaded_and_networks_saved(
 ) -> None:
     shown.root.get_by_text("Recipe and network").click()
     text = shown.root.get_by_role("textbox", name="Recipe as JSON")
-    assert json.loads(text.input_value()) == evaluator.pool.uniform().as_dict()
+    pool = evaluator.pool
+    assert json.loads(text.input_value()) == pool.bound(pool.uniform()).document()
     text.fill(evaluator.pool.equal("c").to_json())
     shown.root.get_by_role("button", name="Load this text").click()
     shown.settled()
