@@ -253,12 +253,18 @@ def test_two_passes(goldens: Path, state: dict[str, torch.Tensor], mode: str) ->
     assert error(disparity[None], case[f"disp_hier_{MODES[mode]}"]) < DISPARITY
 
 
+@pytest.fixture(scope="module")
+def large_state() -> dict[str, torch.Tensor]:
+    """1.5 GB that both modes share."""
+    return filled_state("vitl")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
-def test_vit_l(goldens: Path, mode: str) -> None:
+def test_vit_l(goldens: Path, large_state: dict[str, torch.Tensor], mode: str) -> None:
     case = arrays(goldens, "vitl")
     recorder = Recorder()
-    large = build(filled_state("vitl"), case, mode, vit_size="vitl")
+    large = build(large_state, case, mode, vit_size="vitl")
     recorder.watch(large, {name: name for name in ("feature", "cnet", "corr_stem", "cost_agg", "classifier")})
     with torch.inference_mode():
         run = Run(large.trace(*images(case)), recorder)

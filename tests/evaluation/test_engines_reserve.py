@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -41,34 +42,25 @@ def evaluated(pairs: int) -> tuple[tuple[int, ...], Evaluation]:
 
 
 def test_the_next_evaluator_takes_the_worker_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    first, one = evaluated(1)
-    second, two = evaluated(2)
+    (first,), one = evaluated(1)
+    (second,), two = evaluated(2)
     assert second == first
     assert two.images[:1] == one.images
     assert len(two.images) == 2
-    monkeypatch.setenv("SFKIT_ANYTHING", "else")
+    os.kill(first, signal.SIGKILL)
     (third,), again = evaluated(1)
-    assert third not in first
+    assert third != first, "one that was killed while it waited is replaced"
     assert again.images == one.images
-    assert not Path(f"/proc/{first[0]}").exists(), "a worker of other surroundings has ended"
-
-
-def test_a_worker_that_was_killed_while_it_waited_is_replaced() -> None:
-    (first,), one = evaluated(1)
-    os.kill(first, 9)
-    (second,), two = evaluated(1)
-    assert second != first
-    assert two.images == one.images
-
-
-def test_a_busy_worker_ends_with_its_evaluator() -> None:
+    monkeypatch.setenv("SFKIT_ANYTHING", "else")
     pool, benchmark = open_pool("bank"), open_benchmark("bank:courtyard").first(1)
     with Evaluator(pool, benchmark, engine="processes", workers=1) as evaluator:
         evaluator.evaluate([pool.base_recipe()])
+        (fourth,) = crew(evaluator).pids
+        assert fourth != third
+        assert not Path(f"/proc/{third}").exists(), "a worker of other surroundings has ended"
         crew(evaluator).give(0, Task(2, ImageRange(0, 0, 1), pool.uniform()))
-        (pid,) = crew(evaluator).pids
     assert not reserve._waiting
-    assert not Path(f"/proc/{pid}").exists()
+    assert not Path(f"/proc/{fourth}").exists(), "a busy worker ends with its evaluator"
 
 
 class Waiter:
