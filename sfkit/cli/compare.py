@@ -11,7 +11,15 @@ import typer
 
 from sfkit.cli import tables
 from sfkit.cli.groups import names
-from sfkit.cli.options import ForceOption, JsonOption, emit, network_options
+from sfkit.cli.options import (
+    ArchitectureOption,
+    DeviceOption,
+    ForceOption,
+    JsonOption,
+    NetworkOption,
+    emit,
+    network_options,
+)
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions
 from sfkit.cli.terminal import Bars
@@ -28,14 +36,9 @@ def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="A network's file.", show_default=False)],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one's.", show_default=False)],
     data: BenchmarkOptions,
-    architecture: Annotated[
-        str | None, typer.Option(help="For checkpoints that do not say their architecture.")
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
-    ] = None,
-    device: Annotated[str, typer.Option("--device", help="cpu, cuda, cuda:N or mps.")] = "cpu",
+    architecture: ArchitectureOption = None,
+    option: NetworkOption = None,
+    device: DeviceOption = "cpu",
     maps: Annotated[
         Path | None,
         typer.Option(help="A folder for PNGs of each pair: disparities, errors, where B is better."),

@@ -9,7 +9,14 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.options import ForceOption, JsonOption, emit, network_options
+from sfkit.cli.options import (
+    ArchitectureOption,
+    ForceOption,
+    JsonOption,
+    NetworkOption,
+    emit,
+    network_options,
+)
 from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
 from sfkit.exporting.export import ENDINGS, check_target, export_network, form_of
@@ -32,13 +39,8 @@ def export(
         Path | None, typer.Option("--left", "-l", help="Left image to check the file on.")
     ] = None,
     right: Annotated[Path | None, typer.Option("--right", "-r", help="Its right image.")] = None,
-    architecture: Annotated[
-        str | None, typer.Option(help="For a checkpoint that does not say its architecture.")
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
-    ] = None,
+    architecture: ArchitectureOption = None,
+    option: NetworkOption = None,
     force: ForceOption = False,
     json: JsonOption = False,
 ) -> int:

@@ -45,6 +45,14 @@ DtypeOption = Annotated[
         help="Of the written network: float32, float16 or bfloat16; the base's own where it loses nothing.",
     ),
 ]
+ArchitectureOption = Annotated[
+    str | None, typer.Option(help="For a checkpoint that does not say its architecture.")
+]
+NetworkOption = Annotated[
+    list[str] | None,
+    typer.Option("--option", help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
+]
+DeviceOption = Annotated[str, typer.Option("--device", help="cpu, cuda, cuda:N or mps.")]
 SubsetFromOption = Annotated[
     Path | None,
     typer.Option("--subset-from", help="A recipe or merged network of another pool: merge the same sources."),

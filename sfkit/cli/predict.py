@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli.following import followed
-from sfkit.cli.options import ForceOption, JsonOption, emit, network_options, say
+from sfkit.cli.options import (
+    ArchitectureOption,
+    DeviceOption,
+    ForceOption,
+    JsonOption,
+    NetworkOption,
+    emit,
+    network_options,
+    say,
+)
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,14 +45,9 @@ def predict(
     every: Annotated[int, typer.Option(help="Of a video: predict one frame in so many.")] = 1,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("disparity"),
     form: Annotated[str, typer.Option(help="pfm, or png16 (disparity times 256).")] = "pfm",
-    architecture: Annotated[
-        str | None, typer.Option(help="For a checkpoint that does not say its architecture.")
-    ] = None,
-    option: Annotated[
-        list[str] | None,
-        typer.Option(help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
-    ] = None,
-    device: Annotated[str, typer.Option(help="cpu, cuda, cuda:N or mps.")] = "cpu",
+    architecture: ArchitectureOption = None,
+    option: NetworkOption = None,
+    device: DeviceOption = "cpu",
     calibration: Annotated[
         Path | None,
         typer.Option(

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pandas as pd
 import pytest
+from benchmark_scripts import imported
 
 from sfkit.bank.exhaustive import SubsetScores
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    """Modules of the benchmarks, importable as the scripts there import each other."""
-    before = set(sys.modules)
-    sys.path.insert(0, str(BENCHMARKS))
-    yield tuple(map(import_module, ("bayesian", "optimum", "sections.optimum", "landscapes")))
-    sys.path.remove(str(BENCHMARKS))
-    for name in set(sys.modules) - before:
-        if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(BENCHMARKS)):
-            del sys.modules[name]
+    with imported("bayesian", "optimum", "sections.optimum", "landscapes") as modules:
+        yield modules
 
 
 @pytest.fixture

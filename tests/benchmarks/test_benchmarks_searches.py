@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
 import math
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from types import ModuleType
 
 import pytest
+from benchmark_scripts import imported
 
 from sfkit.bank.exhaustive import SubsetScores, subset_scores
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-
 
 @pytest.fixture(scope="module")
-def scripts() -> Iterator[tuple[ModuleType, ModuleType]]:
-    """``search.py`` and ``scale.py``, importable as the scripts there import each other."""
-    before = set(sys.modules)
-    sys.path.insert(0, str(FOLDER))
-    yield importlib.import_module("search"), importlib.import_module("scale")
-    sys.path.remove(str(FOLDER))
-    for name in set(sys.modules) - before:
-        origin = getattr(sys.modules[name], "__file__", None) or ""
-        if origin.startswith(str(FOLDER)):
-            del sys.modules[name]
+def scripts() -> Iterator[tuple[ModuleType, ...]]:
+    with imported("search", "scale") as modules:
+        yield modules
 
 
 def test_regret_counts_distinct_subsets_and_ignores_single_sources(
-    scripts: tuple[ModuleType, ModuleType],
+    scripts: tuple[ModuleType, ...],
 ) -> None:
     scores = {1: 1.0, 2: 9.0, 3: 5.0, 4: 9.0, 5: 4.0, 6: 8.0, 7: 6.0}
     land = scripts[0].Landscape(SubsetScores(("a", "b", "c"), scores, scores))
@@ -39,7 +28,7 @@ def test_regret_counts_distinct_subsets_and_ignores_single_sources(
     assert scripts[0].greedy_soup(land, 0) == [1, 2, 4, 3, 5]
 
 
-def test_the_benchmark_walks_the_way_of_the_search(scripts: tuple[ModuleType, ModuleType]) -> None:
+def test_the_benchmark_walks_the_way_of_the_search(scripts: tuple[ModuleType, ...]) -> None:
     search = scripts[0]
     land = search.Landscape(subset_scores())
     search.check(land)
@@ -52,7 +41,7 @@ def test_the_benchmark_walks_the_way_of_the_search(scripts: tuple[ModuleType, Mo
 
 
 def test_workers_wait_at_the_barrier(
-    scripts: tuple[ModuleType, ModuleType], monkeypatch: pytest.MonkeyPatch
+    scripts: tuple[ModuleType, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Three evaluations of one second on two workers take two; cut into images, one and a half."""
     scale = scripts[1]

@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pandas as pd
 import pytest
+from benchmark_scripts import imported
 
 from sfkit.datasets import Sample
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    """Modules of the benchmarks, importable as the scripts there import each other."""
-    before = set(sys.modules)
-    sys.path.insert(0, str(BENCHMARKS))
-    yield tuple(map(import_module, ("stage2", "sections.stage2", "stage2_worlds", "one_model")))
-    sys.path.remove(str(BENCHMARKS))
-    for name in set(sys.modules) - before:
-        if (getattr(sys.modules[name], "__file__", None) or "").startswith(str(BENCHMARKS)):
-            del sys.modules[name]
+    with imported("stage2", "sections.stage2", "stage2_worlds", "one_model") as modules:
+        yield modules
 
 
 def test_the_section_counts_against_cma_es_of_the_same_search(
