@@ -1,18 +1,21 @@
 """The embedded bank: a base network and 11 sources, really trained, and four benchmarks to merge for.
 
 ``bank-slim`` has the same domains and names, of another architecture: what one pool found can be tried there.
+``bank-sharp`` has domains of the same names that nobody softened, stronger networks and a joint one.
 
 Everything comes from seeds: ``sfkit bank build`` makes it again (see :mod:`sfkit.bank.build`).
 """
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from sfkit.bank.build import build
-from sfkit.bank.plan import BANK, bank_plan, banks
+from sfkit.bank.plan import BANK, BANKS, bank_plan, banks
 from sfkit.bank.rendered import benchmark, benchmarks, held_out
+from sfkit.bank.sharp import JOINT
 from sfkit.datasets.benchmark import register_benchmarks
 from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
 from sfkit.errors import InputError
@@ -26,6 +29,7 @@ __all__ = [
     "build",
     "domains",
     "held_out",
+    "joint_path",
     "pool_path",
     "training_seconds",
     "worlds",
@@ -38,7 +42,20 @@ def pool_path(name: str = BANK.name) -> Path:
     Raises:
         InputError: no bank of that name.
     """
-    return Path(__file__).parent / bank_plan(name).folder / "pool.toml"
+    return bank_plan(name).pool_file
+
+
+def joint_path(name: str) -> Path:
+    """The network of a bank that was trained on all sources' scenes together.
+
+    Raises:
+        InputError: no bank of that name, or it has no such network.
+    """
+    plan = bank_plan(name)
+    if not plan.joint:
+        having = [each for each in banks() if bank_plan(each).joint]
+        raise InputError(f"joint: {name!r} has no joint network, expected a bank that has one: {having}")
+    return plan.pool_file.with_name(f"{JOINT}.safetensors")
 
 
 def training_seconds(name: str = BANK.name) -> dict[str, float]:
@@ -51,7 +68,7 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
         InputError: no bank of that name.
     """
     records = json.loads((pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
-    return {source: float(r["seconds"]) for source, r in records.items() if source != BASE.name}
+    return {source: float(r["seconds"]) for source, r in records.items() if source not in (BASE.name, JOINT)}
 
 
 def worlds(
@@ -79,11 +96,13 @@ def worlds(
             "rendered worlds would say nothing of it; name what guides the search, such as eth3d with "
             "benchmark_root ~/ETH3D, and in report_on what tests it"
         )
-    unseen = () if own else (f"{BANK.name}:{name}" for name in benchmarks() if name != guide)
+    collection = BANK.name if own else bank_plan(str(pool)).benchmarks
+    unseen = () if own else (f"{collection}:{name}" for name in benchmarks() if name != guide)
     tests: list[str | Mapping[str, Any]] = [*(unseen if report_on is None else report_on)]
-    return benchmark or f"{BANK.name}:{guide}", tests
+    return benchmark or f"{collection}:{guide}", tests
 
 
 for _name in banks():
     register_pool(_name, pool_path(_name))
-register_benchmarks(BANK.name, benchmarks(), benchmark)
+for _name in sorted({plan.benchmarks for plan in BANKS.values()}):
+    register_benchmarks(_name, benchmarks(), partial(benchmark, of=_name))

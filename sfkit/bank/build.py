@@ -1,27 +1,53 @@
-"""Make the bank from its seeds: train the base, fine-tune the sources, write what ships."""
+"""Make a bank from its seeds: train the base, fine-tune the sources, write what ships."""
 
 from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from safetensors.torch import load_file, save_file
 
+from sfkit.bank import sharp
 from sfkit.bank.fingerprints import write_fingerprints
-from sfkit.bank.measure import constant_guess, errors, held_out_pairs
-from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, TrainingPlan, bank_plan
-from sfkit.bank.training import Trained, new_network, pairs_of, train
-from sfkit.datasets.synthetic.domains import BASE, SOURCES, Domain
+from sfkit.bank.measure import TruePair, constant_guess, errors, held_out_pairs
+from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, Training, TrainingPlan, bank_plan
+from sfkit.bank.training import new_network, pairs_of, train
+from sfkit.datasets.synthetic import Domain
 from sfkit.errors import unknown_name
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.files import write_text, writing
+from sfkit.training.finetune import finetune, training_folder
+from sfkit.training.loop import Course, Listener
+from sfkit.training.settings import TrainingSettings
 
 LICENCE = "Apache-2.0"
 Record = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Builder:
+    """What all trainings of one bank share."""
+
+    out: Path
+    of: BankPlan
+    held_out: int
+    progress: ProgressCallback | None
+
+    def file(self, name: str) -> Path:
+        return self.out / f"{'base' if self.is_base(name) else name}.safetensors"
+
+    def record_file(self, name: str) -> Path:
+        return self.out / "training" / f"{name}.json"
+
+    def is_base(self, name: str) -> bool:
+        return name == self.of.networks[0]
+
+    def finished(self, name: str) -> bool:
+        return self.record_file(name).exists()
 
 
 def build(
@@ -30,117 +56,135 @@ def build(
     *,
     progress: ProgressCallback | None = None,
     only: Iterable[str] | None = None,
-    base_plan: TrainingPlan | None = None,
-    source_plan: TrainingPlan | None = None,
+    base_plan: Training | None = None,
+    source_plan: Training | None = None,
     held_out: int = HELD_OUT_PAIRS,
 ) -> Path:
     """Train the bank called ``name`` into the folder ``out`` and return the path of its ``pool.toml``.
 
     A finished training is not repeated and a stopped one goes on from its last saved step, so calling
-    this again resumes. ``only`` names the sources to train in this process (after the base), so that
-    several processes can share the work; ``pool.toml`` is written as soon as every network is there.
-    Each finished network is measured on ``held_out`` pairs of its own domain. With one thread, the base
-    takes about ten minutes and a source two to five. Training carries rounding along, so a bank built on
-    another machine or with another PyTorch is as good as the shipped one, not equal to it bit by bit.
+    this again resumes. ``only`` names the networks to train in this process (after the base), so that
+    several processes can share the work; ``pool.toml`` is written as soon as base and sources are there.
+    Each finished network is measured on ``held_out`` pairs of its own domain. Training carries rounding
+    along, so a bank built on another machine or with another PyTorch is as good as the shipped one, not
+    equal to it bit by bit. With one thread the base of ``bank`` takes about ten minutes and a source two to
+    five; that of ``bank-sharp`` an hour and a half, a source five minutes and the joint network fifty, and
+    its scenes, 6 GB in ``rendered``, may be deleted when it is built.
 
     Raises:
-        InputError: no bank of that name, or ``only`` names a source that it does not have.
+        InputError: no bank of that name, or ``only`` names a network that it does not have.
     """
     of = bank_plan(name)
-    chosen = _chosen(only)
+    base, *others = of.networks
+    chosen = others if only is None else list(only)
+    for each in chosen:
+        if each not in others:
+            raise unknown_name("source of the bank", each, others)
     out.mkdir(parents=True, exist_ok=True)
-    if not _finished(out, BASE.name):
-        _train_base(out, of, base_plan or of.base, held_out, progress)
-    for domain in chosen:
-        if not _finished(out, domain.name):
-            plan = source_plan or of.plan_of(domain.name)
-            _train_source(out, of, domain, plan, held_out, progress)
-    if all(_finished(out, domain.name) for domain in SOURCES):
-        _assemble(out, of)
+    at = _Builder(out, of, held_out, progress)
+    for each in (base, *chosen):
+        if not at.finished(each):
+            given = base_plan if at.is_base(each) else source_plan
+            _make(at, each, given or of.plan_of(each))
+    if all(at.finished(world.name) for world in of.worlds):
+        _assemble(at)
     return out / "pool.toml"
 
 
-def _chosen(only: Iterable[str] | None) -> list[Domain]:
-    by_name = {domain.name: domain for domain in SOURCES}
-    names = list(by_name) if only is None else list(only)
-    for name in names:
-        if name not in by_name:
-            raise unknown_name("source of the bank", name, by_name)
-    return [by_name[name] for name in names]
+def _make(at: _Builder, name: str, plan: Training) -> None:
+    """Train one network, measure it beside the base, and record both."""
+    tuned = isinstance(plan, TrainingSettings)
+    made = _finetuned(at, name, plan) if isinstance(plan, TrainingSettings) else _trained(at, name, plan)
+    pairs = _held_out(at, name) if tuned else held_out_pairs(_world(at.of, name), at.held_out)
+    network = new_network(plan.seed, at.of)
+    network.load_state_dict(load_file(at.file(at.of.networks[0])))
+    own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs, at.of)}
+    if not at.is_base(name):
+        network.load_state_dict(load_file(at.file(name)))
+        own["source"] = errors(network, pairs, at.of)
+    write_text(at.record_file(name), json.dumps({**made, "own_domain": own}, indent=2) + "\n")
+    shutil.rmtree(pairs_of(_state_file(at, name)), ignore_errors=True)
 
 
-def _train_base(
-    out: Path, of: BankPlan, plan: TrainingPlan, held_out: int, progress: ProgressCallback | None
-) -> None:
-    trained = train(BASE, plan, None, _state_file(out, BASE.name), progress, of=of)
-    with writing(out / "base.safetensors") as fresh:
+def _trained(at: _Builder, name: str, plan: TrainingPlan) -> Record:
+    """Train as the first banks were, and say what it took."""
+    start = None if at.is_base(name) else load_file(at.file(at.of.networks[0]))
+    world = _world(at.of, name)
+    trained = train(world, plan, start, _state_file(at, name), at.progress, of=at.of)
+    with writing(at.file(name)) as fresh:
         save_file(dict(trained.weights), fresh)
-    network = new_network(plan.seed, of)
-    network.load_state_dict(dict(trained.weights))
-    pairs = held_out_pairs(BASE, held_out)
-    own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs)}
-    _record(out, BASE.name, plan, trained, own)
-
-
-def _train_source(
-    out: Path,
-    of: BankPlan,
-    domain: Domain,
-    plan: TrainingPlan,
-    held_out: int,
-    progress: ProgressCallback | None,
-) -> None:
-    base = load_file(out / "base.safetensors")
-    trained = train(domain, plan, base, _state_file(out, domain.name), progress, of=of)
-    with writing(out / f"{domain.name}.safetensors") as fresh:
-        save_file(dict(trained.weights), fresh)
-    pairs = held_out_pairs(domain, held_out)
-    network = new_network(plan.seed, of)
-    network.load_state_dict(base)
-    own = {"constant_guess": constant_guess(pairs), "base": errors(network, pairs)}
-    network.load_state_dict(dict(trained.weights))
-    own["source"] = errors(network, pairs)
-    _record(out, domain.name, plan, trained, own)
-
-
-def _record(out: Path, name: str, plan: TrainingPlan, trained: Trained, own: Record) -> None:
-    record = {
+    return {
         "plan": asdict(plan),
         "seconds": round(trained.seconds, 1),
         "cpu_seconds": round(trained.cpu_seconds, 1),
         "final_loss": trained.final_loss,
-        "own_domain": own,
     }
-    write_text(_record_file(out, name), json.dumps(record, indent=2) + "\n")
-    shutil.rmtree(pairs_of(_state_file(out, name)), ignore_errors=True)
 
 
-def _finished(out: Path, name: str) -> bool:
-    return _record_file(out, name).exists()
+def _finetuned(at: _Builder, name: str, settings: TrainingSettings) -> Record:
+    """Train by :func:`sfkit.finetune`, and say what it took; its file carries the whole recipe."""
+    file, scenes = at.file(name), at.out / "rendered"
+    if not file.exists():
+        finetune(
+            None if at.is_base(name) else at.file(at.of.networks[0]),
+            sharp.training_set(name, scenes),
+            file,
+            name=at.of.architecture,
+            options=at.of.options,
+            settings=settings,
+            # Watched as it goes; of eleven worlds that would cost more than the training.
+            validation=None if name == sharp.JOINT else sharp.held_out(name, scenes, at.held_out),
+            licence=LICENCE,
+            listen=_listening(at, name, settings),
+        )
+    said = json.loads((training_folder(file) / "training.json").read_text(encoding="utf-8"))
+    return {
+        "plan": {**said["settings"], "steps": said["steps"], "scenes": said["data"]["pairs"]},
+        "licence": said["licence"],
+        "seconds": said["seconds"],
+        "cpu_seconds": said["cpu_seconds"],
+        "final_loss": said["loss"],
+    }
 
 
-def _record_file(out: Path, name: str) -> Path:
-    return out / "training" / f"{name}.json"
+def _listening(at: _Builder, name: str, settings: TrainingSettings) -> Listener:
+    def listen(course: Course) -> None:
+        if at.progress is not None and (
+            course.done % settings.save_every == 0 or course.done == course.steps
+        ):
+            last = [row[1] for row in course.curve[-50:]]
+            at.progress(f"{name}: loss {sum(last) / len(last):.3f}", course.done, course.steps)
+
+    return listen
 
 
-def _state_file(out: Path, name: str) -> Path:
-    return out / "training" / f"{name}.pt"
+def _held_out(at: _Builder, name: str) -> Sequence[TruePair]:
+    return [pair.load() for pair in sharp.held_out(name, at.out / "rendered", at.held_out).pairs]
 
 
-def _assemble(out: Path, of: BankPlan) -> None:
-    records = {d.name: json.loads(_record_file(out, d.name).read_text()) for d in (BASE, *SOURCES)}
-    if of is BANK:  # the benchmarks are the same for all
-        write_fingerprints(out / "fingerprints.json")
-    write_text(out / "trainings.json", json.dumps(records, indent=2) + "\n")
-    write_text(out / "pool.toml", pool_toml(of))
+def _world(of: BankPlan, name: str) -> Domain:
+    return next(world for world in of.worlds if world.name == name)
+
+
+def _state_file(at: _Builder, name: str) -> Path:
+    return at.out / "training" / f"{name}.pt"
+
+
+def _assemble(at: _Builder) -> None:
+    finished = [each for each in at.of.networks if at.finished(each)]  # the pool does without the joint one
+    records = {each: json.loads(at.record_file(each).read_text()) for each in finished}
+    if at.of.benchmarks == at.of.name:  # the other banks share theirs
+        write_fingerprints(at.out / "fingerprints.json", of=at.of.name)
+    write_text(at.out / "trainings.json", json.dumps(records, indent=2) + "\n")
+    write_text(at.out / "pool.toml", pool_toml(at.of))
 
 
 def pool_toml(of: BankPlan = BANK) -> str:
     """The text of a bank's ``pool.toml``."""
     options = "\n".join(f"{key} = {json.dumps(value)}" for key, value in of.options.items())
     entries = "\n".join(
-        f'\n[sources.{domain.name}]\nfile = "{domain.name}.safetensors"\nlicence = "{LICENCE}"'
-        for domain in SOURCES
+        f'\n[sources.{world.name}]\nfile = "{world.name}.safetensors"\nlicence = "{LICENCE}"'
+        for world in of.worlds[1:]
     )
     return (
         f'name = "sfkit-{of.name}"\narchitecture = "{of.architecture}"\n\n[options]\n{options}\n\n'

@@ -2,8 +2,8 @@
 
 The table ships, so that tests and benchmarks compare searches with the true optimum and run no network.
 In a checkout, ``python -m sfkit.bank.exhaustive --out sfkit/bank/data/subsets.csv`` makes it again: 2047
-merges on the first 20 of the validation benchmark's 40 pairs, a quarter of an hour of one core. It is
-resumable, since every evaluation goes to the store.
+merges on the first 20 of the validation benchmark's pairs, a quarter of an hour of one core; ``--bank``
+names another bank. It is resumable, since every evaluation goes to the store.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import torch
 from numpy.typing import NDArray
 
 import sfkit.bank as bank
+from sfkit.bank.plan import BANK
 from sfkit.datasets.synthetic.domains import BASE, QUICK_PAIRS
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, Evaluator
@@ -61,9 +62,9 @@ class SubsetScores:
         return tuple(name for i, name in enumerate(self.names) if mask >> i & 1)
 
 
-def table_path() -> Path:
-    """The table that ships."""
-    return bank.pool_path().parent / "subsets.csv"
+def table_path(name: str = BANK.name) -> Path:
+    """The table that ships with a bank."""
+    return bank.pool_path(name).parent / "subsets.csv"
 
 
 def subset_scores(path: Path | None = None) -> SubsetScores:
@@ -160,8 +161,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--store", type=Path, default=Path("runs/exhaustive.sqlite"))
     parser.add_argument("--out", type=Path, default=Path("runs/subsets.csv"))
+    parser.add_argument("--bank", default=BANK.name, choices=bank.banks())
     options = parser.parse_args(arguments)
-    pool = open_pool(bank.pool_path())
+    pool = open_pool(bank.pool_path(options.bank))
 
     def say(done: int, total: int) -> None:
         if done % 50 == 0 or done == total:

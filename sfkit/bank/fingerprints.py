@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sfkit.bank.plan import BANK
 from sfkit.bank.rendered import benchmark, benchmarks
 from sfkit.datasets import Sample
 from sfkit.files import write_text
@@ -50,10 +51,10 @@ def read_fingerprints(path: Path) -> dict[str, Fingerprint]:
     return {str(key): value for key, value in json.loads(path.read_text()).items()}
 
 
-def write_fingerprints(path: Path, names: Iterable[str] | None = None) -> None:
-    """Render the benchmarks (all of them, or ``names``) and write their fingerprints, one pair a line."""
+def write_fingerprints(path: Path, names: Iterable[str] | None = None, *, of: str = BANK.name) -> None:
+    """Render the benchmarks of a bank (all, or ``names``) and write their fingerprints, one pair a line."""
     chosen = benchmarks() if names is None else names
-    samples = (sample for name in chosen for sample in benchmark(name).samples())
+    samples = (sample for name in chosen for sample in benchmark(name, of=of).samples())
     lines = [f"{json.dumps(s.id)}: {json.dumps(fingerprint(s), separators=(',', ':'))}" for s in samples]
     write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 

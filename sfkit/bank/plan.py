@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
+from sfkit.bank import sharp
+from sfkit.datasets.synthetic.domains import BASE, BENCHMARK_PAIRS, SOURCES, Domain
 from sfkit.errors import unknown_name
+from sfkit.training.settings import TrainingSettings
 
 OPTIONS: dict[str, Any] = {"ranges": [4, 3, 3], "spn": False}
 STAGE_WEIGHTS = (0.25, 0.5, 1.0)
@@ -33,31 +37,52 @@ class TrainingPlan:
     seed: int = 1
 
 
+Training = TrainingPlan | TrainingSettings
+
+
 @dataclass(frozen=True)
 class BankPlan:
-    """One bank: its architecture, and how base and sources are trained.
+    """One bank: its architecture, its worlds, and how base and sources are trained.
 
     Attributes:
         name: what :func:`sfkit.open_pool` calls it.
         architecture: the registry's name of its networks.
         folder: where its networks ship, beside this file.
-        base: the training of the base.
+        base: the training of the base; settings of :func:`sfkit.finetune` for a bank that it trains.
         source: the training of a source.
         longer: sources that ``source`` left short of the bar, and how they are trained instead.
         options: the architecture's options.
+        worlds: the base's domain, then the sources'.
+        benchmarks: the collection its benchmarks stand in, a bank's name; see :func:`sfkit.open_benchmark`.
+        pairs: of each of that collection's benchmarks.
+        joint: whether one more network is trained on all sources' scenes together.
     """
 
     name: str
     architecture: str
     folder: str
-    base: TrainingPlan
-    source: TrainingPlan
+    base: Training
+    source: Training
     longer: Mapping[str, TrainingPlan] = field(default_factory=dict)
     options: Mapping[str, Any] = field(default_factory=lambda: dict(OPTIONS))
+    worlds: tuple[Domain, ...] = (BASE, *SOURCES)
+    benchmarks: str = "bank"
+    pairs: int = BENCHMARK_PAIRS
+    joint: bool = False
 
-    def plan_of(self, source: str) -> TrainingPlan:
-        """How the source called ``source`` is trained."""
-        return self.longer.get(source, self.source)
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """Whatever is trained, in order: the base under its world's name, the sources, the joint one."""
+        return (*(world.name for world in self.worlds), *([sharp.JOINT] if self.joint else ()))
+
+    @property
+    def pool_file(self) -> Path:
+        """Its ``pool.toml``; base and sources lie beside it."""
+        return Path(__file__).parent / self.folder / "pool.toml"
+
+    def plan_of(self, network: str) -> Training:
+        """How the network of that name is trained."""
+        return self.base if network == self.worlds[0].name else self.longer.get(network, self.source)
 
 
 BANK = BankPlan(
@@ -80,16 +105,27 @@ SLIM = BankPlan(
     base=TrainingPlan(steps=1400, peak_rate=2e-3, scenes=240),
     source=TrainingPlan(steps=120, peak_rate=2e-3, scenes=72, warm_up=25),
 )
-BANKS = {plan.name: plan for plan in (BANK, SLIM)}
+SHARP = BankPlan(
+    name="bank-sharp",
+    architecture="anynet-wide",
+    folder="data-sharp",
+    base=sharp.BASE_SETTINGS,
+    source=sharp.SOURCE_SETTINGS,
+    options={"ranges": OPTIONS["ranges"]},
+    worlds=(sharp.BASE, *sharp.SOURCES),
+    benchmarks="bank-sharp",
+    joint=True,
+)
+BANKS = {plan.name: plan for plan in (BANK, SLIM, SHARP)}
 
 
 def banks() -> tuple[str, ...]:
-    """The names of the embedded banks, the main one first."""
-    return tuple(BANKS)
+    """The names of the embedded banks that ship, the main one first."""
+    return tuple(name for name, plan in BANKS.items() if plan.pool_file.exists())
 
 
 def bank_plan(name: str) -> BankPlan:
-    """The bank called ``name``.
+    """The bank called ``name``, whether it ships or has to be built.
 
     Raises:
         InputError: no such bank; the nearest name is suggested.

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from sfkit.bank import sharp
+from sfkit.bank.plan import BANK, bank_plan
 from sfkit.datasets import Benchmark, Sample
 from sfkit.datasets.synthetic import domains, synthetic_pair, worlds
-from sfkit.datasets.synthetic.domains import BENCHMARK_PAIRS, HEIGHT, QUICK_PAIRS, VALIDATION, WIDTH
+from sfkit.datasets.synthetic.domains import HEIGHT, QUICK_PAIRS, VALIDATION, WIDTH
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import writing
@@ -57,11 +59,12 @@ def benchmarks() -> tuple[str, ...]:
     return tuple(worlds())
 
 
-def benchmark(name: str, quick: bool = False) -> Benchmark:
-    """The benchmark ``name`` of 40 pairs, 192 x 384; nothing is rendered before a pair is loaded.
+def benchmark(name: str, quick: bool = False, *, of: str = BANK.name) -> Benchmark:
+    """The benchmark ``name`` of the bank ``of``, 192 x 384; nothing is rendered before a pair is loaded.
 
-    ``quick`` keeps the first 8 pairs of the validation benchmark. Scores are bad-3.0 in percent over
-    all pixels with ground truth, mean over images.
+    The banks' benchmarks are the same worlds, and differ in the number of pairs: 40 of ``bank``, and what
+    ranks subsets alike in both halves of ``bank-sharp``. ``quick`` keeps the first 8 pairs of the validation
+    benchmark. Scores are bad-3.0 in percent over all pixels with ground truth, mean over images.
 
     Raises:
         InputError: an unknown name, or ``quick`` for a benchmark that searches must not see.
@@ -73,21 +76,26 @@ def benchmark(name: str, quick: bool = False) -> Benchmark:
             f"benchmark {name!r}: found quick=True, expected it for the validation benchmark only; "
             f"use {VALIDATION!r} or all pairs"
         )
-    return _benchmark(name, QUICK_PAIRS if quick else BENCHMARK_PAIRS, "benchmark")
+    count = bank_plan(of).pairs
+    return _benchmark(name, QUICK_PAIRS if quick else count, "benchmark", count)
 
 
-def held_out(name: str, pairs: int) -> Benchmark:
-    """The first ``pairs`` held-out pairs of the domain ``name``, which no training saw.
+def held_out(name: str, pairs: int, *, of: str = BANK.name) -> Benchmark:
+    """The first ``pairs`` held-out pairs of the domain ``name`` of the bank ``of``, which no training saw.
 
     Raises:
         InputError: an unknown domain.
     """
-    if name not in domains():
-        raise unknown_name("domain of the bank", name, domains())
-    return _benchmark(name, pairs, "held-out")
+    plan = bank_plan(of)
+    names = [world.name for world in plan.worlds]
+    if name not in names:
+        raise unknown_name("domain of the bank", name, names)
+    if plan.worlds[0] == sharp.BASE:
+        return sharp.held_out(name, _folder(), pairs)
+    return _benchmark(name, pairs, "held-out", pairs)
 
 
-def _benchmark(name: str, pairs: int, split: str) -> Benchmark:
+def _benchmark(name: str, pairs: int, split: str, expected: int) -> Benchmark:
     world = {**domains(), **worlds()}[name]
     return Benchmark(
         name=name,
@@ -95,7 +103,7 @@ def _benchmark(name: str, pairs: int, split: str) -> Benchmark:
         pairs=tuple(RenderedPair(name, index, split) for index in range(pairs)),
         protocol=PROTOCOL,
         metric=METRIC,
-        expected=pairs if split == "held-out" else BENCHMARK_PAIRS,
+        expected=expected,
         licence="Apache-2.0",
         notes=(f"rendered: {world.about}",),
     )
@@ -105,13 +113,17 @@ def _benchmark(name: str, pairs: int, split: str) -> Benchmark:
 def _render(world: str, index: int, split: str) -> Sample:
     """One pair, from memory, from the cache on disk, or rendered and kept there (0.8 MB)."""
     pair = RenderedPair(world, index, split)
-    path = default_folder() / "rendered" / f"{pair.fingerprint()}.npz"
+    path = _folder() / f"{pair.fingerprint()}.npz"
     sample = _recall(pair.id, path)
     if sample is None:
         drawn = synthetic_pair({**domains(), **worlds()}[world], index, split=split)
         sample = Sample(pair.id, drawn.left, drawn.right, drawn.disparity, drawn.nonoccluded)
         _keep(sample, path)
     return sample
+
+
+def _folder() -> Path:
+    return default_folder() / "rendered"
 
 
 def _recall(name: str, path: Path) -> Sample | None:

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from sfkit import bank
-from sfkit.bank.plan import BANK
 from sfkit.datasets import Benchmark, open_benchmarks
 from sfkit.errors import InputError
 
@@ -17,16 +16,19 @@ def open_source_data(
     """Open what sources were fine-tuned on, for :func:`sfkit.analysis.data_similarity`: source -> pairs.
 
     Args:
-        entries: ``"bank"`` for held-out pairs of the embedded bank's domains; else source name -> entry as
-            for :func:`sfkit.open_benchmarks`.
+        entries: a bank's name, such as ``"bank"``, for held-out pairs of its domains; else source name ->
+            entry as for :func:`sfkit.open_benchmarks`.
         pairs: the first so many pairs of each.
 
     Raises:
         InputError: another word, or as :func:`sfkit.open_benchmarks` says.
     """
     if not isinstance(entries, Mapping):
-        if entries != BANK.name:
-            raise InputError(f"source data: found {entries!r}, expected 'bank', or source -> benchmark")
-        return {name: bank.held_out(name, pairs) for name in bank.training_seconds()}
+        if entries not in bank.banks():
+            raise InputError(
+                f"source data: found {entries!r}, expected {' or '.join(map(repr, bank.banks()))}, or "
+                "source -> benchmark"
+            )
+        return {name: bank.held_out(name, pairs, of=entries) for name in bank.training_seconds(entries)}
     opened = open_benchmarks(entries.values())
     return {source: each.first(pairs) for source, each in zip(entries, opened, strict=True)}

@@ -85,8 +85,8 @@ def open_benchmark(
     Args:
         name: a manifest's name (``eth3d``, ``kitti2012``, ``kitti2015``, ``middlebury``), ``pairs``
             for a folder of one's own (see :mod:`sfkit.datasets.folders`) or a CSV file, ``unlabelled`` for
-            pairs without ground truth (see :mod:`sfkit.datasets.unlabelled`), or ``bank:NAME`` of the
-            embedded bank.
+            pairs without ground truth (see :mod:`sfkit.datasets.unlabelled`), or ``bank:NAME`` and
+            ``bank-sharp:NAME`` of the embedded banks.
         root: the folder; for ``pairs`` and ``unlabelled`` also a CSV file, whose paths are then relative
             to its folder; none for the bank's, which are rendered.
         protocol: ``openstereo`` unless given; ``all-valid`` for ``pairs``.

@@ -38,7 +38,7 @@ def open_pool(
 ) -> Pool:
     """Open the pool a ``pool.toml`` describes: every file is checked, then read once.
 
-    ``path`` is that file, its folder, or ``"bank"`` or ``"bank-slim"`` for a pool that comes with sfkit.
+    ``path`` is that file, its folder, or ``"bank"`` or another name of ``sfkit.bank.banks()``.
 
     ``blocks`` takes the place of the partition that it or the architecture gives: block name -> globs over
     keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see

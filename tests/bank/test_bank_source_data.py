@@ -25,5 +25,5 @@ def test_ones_own_data_are_named_by_source(tmp_path: Path) -> None:
         ("a", "own", 2),
         ("b", "courtyard", 2),
     ]
-    with pytest.raises(InputError, match="found 'banks', expected 'bank'"):
+    with pytest.raises(InputError, match="found 'banks', expected 'bank' or 'bank-slim'"):
         sfkit.open_source_data("banks")

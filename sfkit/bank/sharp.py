@@ -1,13 +1,11 @@
-"""The bank to come: its worlds, seeds, network and trainings, fixed before the first of them ran.
+"""The worlds, network and trainings of ``bank-sharp``, fixed before the first of its trainings ran.
 
-It replaces the shipped bank when it is trained whole; docs/bank_plan.md says how to go on, and why it is as
-it is. Every number here was chosen before any training: no world is softened for what its source turns out
-to do.
+Every number here was chosen before any training: no world is softened for what its source turns out to do,
+and a source that harms is kept. The training data are rendered when they are first read.
 """
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import zipfile
 from dataclasses import dataclass, replace
@@ -18,24 +16,23 @@ import numpy as np
 
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.pairs import Sample
-from sfkit.datasets.synthetic import domains, synthetic_pair
+from sfkit.datasets.synthetic import synthetic_pair
 from sfkit.datasets.synthetic.domains import BASE as FORMER_BASE
 from sfkit.datasets.synthetic.domains import SOURCES as FORMER_SOURCES
 from sfkit.datasets.synthetic.domains import Domain
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.files import writing
-from sfkit.training import Augmentation, TrainingSettings
-from sfkit.training.finetune import Source, finetune
-from sfkit.training.loop import Course
-from sfkit.training.settings import MAX_STEPS
+from sfkit.training.settings import MAX_STEPS, Augmentation, TrainingSettings
 
-ARCHITECTURE = "anynet-wide"
+JOINT = "joint"
+"""The network of all sources' scenes together: what merging is to be compared with."""
+
 CROP = (128, 256)  # px of 192 x 384: all processor time goes into pixels, and a random window wastes none
 LICENCE = "Apache-2.0"
 BASE_SCENES, SOURCE_SCENES, HELD_OUT = 3000, 400, 24
 
-# Richer than before in geometry and surfaces, still in good light: what real pre-training sets are.
+# Richer than the first bank's in geometry and surfaces, still in good light: what real pre-training sets are.
 BASE = replace(
     FORMER_BASE,
     about="things of every surface at all depths, some thin, tilted or between walls, good light",
@@ -48,7 +45,7 @@ BASE = replace(
     textures={"cloud": 3.0, "grain": 2.0, "print": 3.0, "bricks": 1.0, "paint": 2.0, "stripes": 0.5},
 )
 
-# The former worlds; those that were softened so that no source did harm are sharp again.
+# The first bank's worlds; those that were softened so that no source did harm are sharp again.
 _SHARP: dict[str, dict[str, Any]] = {
     "far-scene": {"disparity": (0.5, 6.0)},
     "bare-paint": {"textures": {"paint": 1.0}, "contrast": (0.3, 0.7)},
@@ -115,57 +112,20 @@ class DrawnPair:
         return hashlib.sha256(repr((SEED, self.split, self.index, self.world)).encode()).hexdigest()
 
 
-def world(name: str) -> Domain:
-    """The world of the base or of a source."""
-    return {each.name: each for each in (BASE, *SOURCES)}[name]
-
-
 def training_set(name: str, folder: Path) -> TrainingSet:
     """The pairs that the network of a world learns from; ``joint`` for all sources' together."""
-    names = list(domains())[1:] if name == "joint" else [name]
     count = BASE_SCENES if name == BASE.name else SOURCE_SCENES
-    pairs = tuple(DrawnPair(world(each), index, "train", folder) for each in names for index in range(count))
+    pairs = tuple(DrawnPair(each, index, "train", folder) for each in _worlds(name) for index in range(count))
     return TrainingSet(name, pairs, expected=len(pairs), licence=LICENCE)
 
 
-def held_out(name: str, folder: Path) -> Benchmark:
-    """Pairs of a world that no training sees."""
-    pairs = tuple(DrawnPair(world(name), index, "held-out", folder) for index in range(HELD_OUT))
-    return Benchmark(name, "pairs", pairs, "all-valid", "bad-3.0", licence=LICENCE)
-
-
-def train_one(name: str, out: Path) -> Source:
-    """Train the base (``plain``), a source or ``joint`` in the folder ``out``, or go on with it."""
-    is_base = name == BASE.name
-    return finetune(
-        None if is_base else out / "base.safetensors",
-        training_set(name, out / "rendered"),
-        out / f"{'base' if is_base else name}.safetensors",
-        name=ARCHITECTURE,
-        settings=BASE_SETTINGS if is_base else SOURCE_SETTINGS,
-        validation=None if name == "joint" else held_out(name, out / "rendered"),
-        licence=LICENCE,
-        listen=_say,
+def held_out(name: str, folder: Path, pairs: int = HELD_OUT) -> Benchmark:
+    """Pairs of a world that no training sees, so many of each; ``joint`` for all sources' worlds."""
+    drawn = tuple(
+        DrawnPair(each, index, "held-out", folder) for each in _worlds(name) for index in range(pairs)
     )
+    return Benchmark(name, "pairs", drawn, "all-valid", "bad-3.0", licence=LICENCE)
 
 
-def _say(course: Course) -> None:
-    if course.done % 100 == 0 or course.done == course.steps:
-        step = course.last
-        score = f", validation {course.scores[-1][1]:.2f}" if course.scores else ""
-        print(
-            f"{step.number} of {course.steps}: loss {step.loss:.3f}{score}, {course.cpu_seconds:.0f} s",
-            flush=True,
-        )
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(
-        description="Train networks of the bank to come, in order; goes on where it was."
-    )
-    parser.add_argument("names", nargs="*", help="plain (the base), a source, or joint; all unless given")
-    parser.add_argument("--out", type=Path, required=True)
-    arguments = parser.parse_args()
-    for each in arguments.names or [BASE.name, *(d.name for d in SOURCES), "joint"]:
-        if not (arguments.out / f"{'base' if each == BASE.name else each}.safetensors").exists():
-            train_one(each, arguments.out)
+def _worlds(name: str) -> tuple[Domain, ...]:
+    return SOURCES if name == JOINT else tuple(each for each in (BASE, *SOURCES) if each.name == name)
