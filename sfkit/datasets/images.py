@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
+import simplejpeg
 from numpy.typing import NDArray
 
 from sfkit.datasets.pfm import read_bytes
@@ -18,7 +20,7 @@ _JPEG = b"\xff\xd8\xff"
 _SCAN, _END = 0xDA, 0xD9  # markers after 0xFF
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # say which colours there are
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # in a scan, others are data and restarts
-_BLOCK = 8  # pixels; a JPEG's blocks, or half of them where colour is subsampled
+_LOSSES = ("premature end", "bad Huffman code", "instead of RST")  # in libjpeg's warnings
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -64,10 +66,9 @@ def decode(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: cannot be decoded ({error}), expected an image") from error
     if pixels is None:
         raise InputError(f"{path}: found no image that can be decoded, expected PNG, JPEG, TIFF, PPM or BMP")
-    if data.startswith(_JPEG) and _filled(pixels):
+    if data.startswith(_JPEG) and (lost := _damage(data)) is not None:
         raise InputError(
-            f"{path}: found one colour from the middle of the image on, as of a JPEG that lacks a part, "
-            "expected a whole image; fetch it again, or save it as PNG if it is meant so"
+            f"{path}: found a JPEG that lacks a part ({lost}), expected a whole image; fetch it again"
         )
     return np.asarray(pixels)
 
@@ -86,30 +87,38 @@ def _jpeg_ends(data: bytes) -> bool:
     A progressive image comes in several scans, each of which makes all of it finer; where some are missing,
     it looks whole and is blurred. So every frequency of every colour must have come to its last bit.
     """
-    at, missing = 2, _Refinements()
-    while at + 4 <= len(data):
-        if data[at] != 0xFF:  # padding between segments, which decoders skip
-            at = data.find(b"\xff", at)
-            if at < 0:
-                return False
-            continue
+    missing = _Refinements()
+    for kind, at in _segments(data):
+        if kind == _END:
+            return not missing.left
+        if kind in _FRAMES:
+            missing.expect(data[at + 4 : at + 4 + 6 + 3 * 255], progressive=_progressive(kind))
+        elif kind == _SCAN:
+            missing.take(data[at + 4 : at + 4 + 16])
+    return False
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, int]]:
+    """Kind and place of each marker of a JPEG, from the second to its end or as far as there are some."""
+    at = 2
+    while 0 <= (at := data.find(b"\xff", at)) < len(data) - 1:  # padding before it is skipped by decoders
         kind = data[at + 1]
         if kind == 0xFF:  # filling
             at += 1
             continue
+        yield kind, at
         if kind == _END:
-            return not missing.left
-        if kind in _FRAMES:
-            missing.expect(data[at + 4 : at + 4 + 6 + 3 * 255], progressive=kind & 0x03 == 0x02)
-        elif kind == _SCAN:
-            missing.take(data[at + 4 : at + 4 + 16])
+            return
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
         if kind == _SCAN:
             match = _MARKER.search(data, at)
             if match is None:
-                return False
+                return
             at = match.start()
-    return data[at : at + 2] == bytes((0xFF, _END)) and not missing.left
+
+
+def _progressive(frame: int) -> bool:
+    return frame & 0x03 == 0x02
 
 
 class _Refinements:
@@ -141,26 +150,31 @@ class _Refinements:
             self._left.get(colour, set()).difference_update(range(first, last + 1))
 
 
-def _filled(pixels: NDArray[Any]) -> bool:
-    """Whether a JPEG's lower part is the one colour that decoders fill a half image with.
+def _damage(data: bytes) -> str | None:
+    """What the scans of a JPEG lack, in libjpeg's words: decoders fill it with what came before.
 
-    Blocks that are missing have the brightness of the last one that was there, from the middle of a row of
-    blocks on. Black, white and straight borders, as rectification and padding leave them, are no sign of it.
+    Other things that libjpeg warns of, such as bytes between segments, lose nothing of the image.
     """
-    last = pixels[-1, -1]
-    if pixels.shape[0] < 4 * _BLOCK or not 8 < int(last.max()) < 247:
-        return False
-    other = (pixels != last).reshape(pixels.shape[0], -1).any(axis=1)
-    first = int(np.flatnonzero(other)[-1]) + 1 if other.any() else 0
-    row = pixels[max(first - _BLOCK, 0) : first]
-    starts_inside = bool((row[:, -_BLOCK:] == last).all()) and bool((row[:, :_BLOCK] != last).any())
-    if pixels.shape[0] - first < 2 * _BLOCK or not starts_inside:
-        return False
-    # Blocks end at one column in all their rows; the edge of a turned image does not.
-    ends = [
-        int(np.flatnonzero((line != last).reshape(len(line), -1).any(axis=1)).max(initial=0)) for line in row
-    ]
-    return max(ends) - min(ends) <= 2 * _BLOCK
+    try:
+        simplejpeg.decode_jpeg(_with_frequencies(data), "GRAY", True, True, min_factor=8)
+    except ValueError as error:
+        return str(error) if any(loss in str(error) for loss in _LOSSES) else None
+    return None
+
+
+def _with_frequencies(data: bytes) -> bytes:
+    """The file, with all frequencies in the scans of a plain JPEG, which have them whatever they say.
+
+    Else these would be what libjpeg warns of, and it warns once.
+    """
+    mended = bytearray(data)
+    for kind, at in _segments(data):
+        if kind in _FRAMES and _progressive(kind):
+            return data
+        if kind == _SCAN:
+            end = at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+            mended[end - 3 : end] = b"\x00\x3f\x00"
+    return bytes(mended)
 
 
 def _png_ends(data: bytes) -> bool:

@@ -29,7 +29,7 @@ def test_half_a_jpeg_is_refused(tmp_path: Path, share: float, ending: bytes) -> 
     whole = jpeg(photo())
     assert read_image(_written(tmp_path, whole)).shape == (120, 160, 3)
     with pytest.raises(
-        InputError, match=r"x\.jpg: found (a file that ends too early|one colour from the middle)"
+        InputError, match=r"x\.jpg: found (a file that ends too early|a JPEG that lacks a part)"
     ):
         read_image(_written(tmp_path, whole[: int(share * len(whole))] + ending))
 
@@ -79,6 +79,38 @@ def test_half_a_progressive_jpeg_is_refused_though_all_of_it_is_there_blurred(
     assert np.abs(blurred.astype(int) - pixels).mean() > 1, "and gives another image"
     with pytest.raises(InputError, match=r"x\.jpg: found a file that ends too early"):
         read_image(_written(tmp_path, half))
+
+
+@pytest.mark.parametrize("cut", [20, 0.1, 0.5])
+@pytest.mark.parametrize("zeros", [False, True])
+@pytest.mark.parametrize("progressive", [0, 1])
+def test_a_jpeg_cut_within_its_last_scan_is_refused(
+    tmp_path: Path, cut: float, zeros: bool, progressive: int
+) -> None:
+    """All scans begin, the file has an end and no colour is filled in: libjpeg alone knows."""
+    pixels = photo()
+    pixels[100:] = 0  # a border, as of rectification, which would hide what is filled in
+    whole = jpeg(pixels, cv2.IMWRITE_JPEG_PROGRESSIVE, progressive)
+    scan = whole.rindex(b"\xff\xda")
+    start = scan + 2 + int.from_bytes(whole[scan + 2 : scan + 4], "big")
+    if zeros and not progressive:
+        whole = whole[: start - 3] + bytes(3) + whole[start:]
+    read_image(_written(tmp_path, whole))
+    gone = int(cut * (len(whole) - start)) if cut < 1 else int(cut)
+    half = whole[:-gone].rstrip(b"\xff") + END
+    taken = cv2.imdecode(np.frombuffer(half, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert taken.shape == pixels.shape, "a decoder takes it"
+    with pytest.raises(InputError, match=r"x\.jpg: found a JPEG that lacks a part \(Corrupt JPEG data: prem"):
+        read_image(_written(tmp_path, half))
+
+
+def test_noise_in_a_scan_is_refused(tmp_path: Path) -> None:
+    """As of a disk that lost a sector; what the decoder makes of it would be scored."""
+    whole = jpeg(photo())
+    middle = len(whole) // 2
+    noise = np.random.default_rng(0).integers(0, 255, 600, dtype=np.uint8).tobytes()
+    with pytest.raises(InputError, match=r"lacks a part \(Corrupt JPEG data: "):
+        read_image(_written(tmp_path, whole[:middle] + noise + whole[middle + 600 :]))
 
 
 def test_colours_may_come_in_scans_of_their_own(tmp_path: Path) -> None:
