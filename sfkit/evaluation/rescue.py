@@ -64,7 +64,10 @@ def _rows(path: Path, place: Path) -> Iterator[tuple[int, Evaluation | None]]:
     if place.read_bytes()[_AT_APPLICATION_ID] != APPLICATION_ID.to_bytes(4, "big"):
         raise DamagedStoreError(f"{path}: nothing of it can be read, restore it from a copy")
     with closing(sqlite3.connect(place)) as db:
-        for number in range(1, _last(db, path, place.stat().st_size) + 1):
+        last = _last(db, path, place.stat().st_size)
+        named, all_named = _named(db)
+        for number in range(1, last + 1):
+            there = number in named
             try:
                 found = db.execute(
                     f"SELECT {COLUMNS} FROM evaluations WHERE number = ?", (number,)
@@ -74,7 +77,22 @@ def _rows(path: Path, place: Path) -> Iterator[tuple[int, Evaluation | None]]:
                     check_evaluation(evaluation, str(path))
             except (*DAMAGE, SfkitError, ValueError, TypeError, KeyError, AttributeError):
                 evaluation = None
-            yield number, evaluation
+                there = there or not all_named
+            if there or evaluation is not None:  # a score that came second was counted and not written
+                yield number, evaluation
+
+
+def _named(db: sqlite3.Connection) -> tuple[set[int], bool]:
+    """The numbers that the index of keys has, which lies on other pages than the rows; and whether all."""
+    found: set[int] = set()
+    try:
+        rows = db.execute(
+            "SELECT number FROM evaluations INDEXED BY sqlite_autoindex_evaluations_1 ORDER BY key"
+        )
+        found.update(number for (number,) in rows)
+    except DAMAGE:
+        return found, False
+    return found, True
 
 
 def _last(db: sqlite3.Connection, path: Path, size: int) -> int:

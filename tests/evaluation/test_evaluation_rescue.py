@@ -34,9 +34,12 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 image_errors(truth + np.float32(number), replace(one, id=f"pair{i}"), valid) for i in range(3)
             )
             description = {"benchmark": "pairs", "number": number}
-            store.put(Evaluation(evaluation_key(description), description, images, None, 0.5))
+            evaluation = Evaluation(evaluation_key(description), description, images, None, 0.5)
+            store.put(evaluation)
+            store.put(evaluation)  # of a second search: takes a number, and no row
     with closing(sqlite3.connect(path)) as db:
         db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        assert db.execute("SELECT seq FROM sqlite_sequence").fetchone() > (COUNT,), "numbers without a row"
         assert db.execute("PRAGMA page_size").fetchone() == (PAGE,)
     return path
 
@@ -98,6 +101,7 @@ def test_a_row_that_says_something_else_costs_itself_alone(whole: Path, tmp_path
     path.write_bytes(whole.read_bytes())
     with closing(sqlite3.connect(path)) as db, db:
         db.execute("UPDATE evaluations SET errors = replace(errors, 'pair1', 'pair7') WHERE number = 5")
+        assert db.total_changes == 1
     with pytest.raises(DamagedStoreError, match="is not what was written"):
         rows(path)
     with EvaluationStore(":memory:") as target:
