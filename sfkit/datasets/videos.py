@@ -146,16 +146,17 @@ def writing_video(path: Path, rate: float) -> Iterator[Callable[[Image], None]]:
         rate: frames a second.
 
     Raises:
-        InputError: the name is no text, OpenCV cannot write frames of that size, or one has another size.
+        InputError: the name is no text, OpenCV cannot write frames of that size, one has another size, or not
+            all of them came to the disk.
     """
     _ensure_text(path, "write")
     with fresh_beside(path) as fresh:
         file = fresh.with_name(f"{fresh.name}.mp4")  # OpenCV takes the container from the ending
         writer: cv2.VideoWriter | None = None
-        first = (0, 0)
+        first, count = (0, 0), 0
 
         def append(picture: Image) -> None:
-            nonlocal writer, first
+            nonlocal writer, first, count
             size = (picture.shape[1], picture.shape[0])
             if writer is None:
                 even_size = (size[0] + size[0] % 2, size[1] + size[1] % 2)
@@ -168,10 +169,23 @@ def writing_video(path: Path, rate: float) -> Iterator[Callable[[Image], None]]:
             # An MP4's sides are even: OpenCV would cut the last row or column off.
             even = np.pad(picture, ((0, size[1] % 2), (0, size[0] % 2), (0, 0)), mode="edge")
             writer.write(np.ascontiguousarray(even[..., ::-1]))
+            count += 1
 
         try:
             yield append
         finally:
-            if writer is not None:
-                writer.release()
-                file.replace(path)
+            try:
+                if writer is not None:
+                    writer.release()
+                    _ensure_whole(file, path, count)
+                    file.replace(path)
+            finally:
+                file.unlink(missing_ok=True)
+
+
+def _ensure_whole(file: Path, path: Path, count: int) -> None:
+    """OpenCV says nothing where a disk is full."""
+    if (held := int(_property(file, cv2.CAP_PROP_FRAME_COUNT))) != count:
+        raise InputError(
+            f"{path}: {held} of {count} frames could be written, is the disk full? make room, or name another"
+        )

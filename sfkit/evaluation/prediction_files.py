@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +14,7 @@ from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import write_disparity_png16, write_png
 from sfkit.datasets.images import read_image
 from sfkit.datasets.pfm import write_pfm
-from sfkit.errors import InputError, SfkitError, unknown_name
+from sfkit.errors import InputError, SfkitError, SfkitWarning, unknown_name
 from sfkit.evaluation.point_cloud import depth_of, ensure_centre, point_cloud
 from sfkit.evaluation.prediction import Image, Map, of_right, overview_of, predict, preview_of
 from sfkit.evaluation.self_check import SelfCheck, self_check
@@ -66,13 +67,17 @@ class Outputs:
             found["confidence"] = "_confidence.png"
         return found
 
-    def check_size(self, image: Image) -> None:
-        """Refuse a calibration of images of another size."""
+    def check_size(self, image: Image) -> tuple[int, int]:
+        """Height and width of an image; a calibration of images of another size is refused."""
+        height, width = image.shape[:2]
         if self.calibration is not None:
-            self.calibration.check_size(*image.shape[:2])
+            self.calibration.check_size(height, width)
+        return height, width
 
 
 PICTURES = {"preview": "_colour.png", "overview": "_overview.png"}
+KINDS = (".pfm", "_depth.pfm", "_cloud.ply", "_confidence.png", *PICTURES.values())
+"""What names of files of a prediction end in, but for PNGs, which a user's images are too."""
 
 
 @dataclass(frozen=True)
@@ -142,8 +147,9 @@ class PredictionPlan:
         ensure_folder(out)
         plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), outputs or Outputs())
         plan._check_targets(overwrite=overwrite)
-        for left, right in pairs:
-            plan.outputs.check_size(_read_pair(left, right)[0])
+        sizes = [plan.outputs.check_size(_read_pair(left, right)[0]) for left, right in pairs]
+        if plan.outputs.calibration is not None:
+            _ensure_one_camera(plan.pairs, sizes)
         return plan
 
     def targets(self, number: int) -> dict[str, Path]:
@@ -151,6 +157,13 @@ class PredictionPlan:
         stem = self.stems[number]
         names = {**self.outputs.endings, **PICTURES}
         return {what: stem.with_name(stem.name + ending) for what, ending in names.items()}
+
+    def others(self) -> list[Path]:
+        """Files that an earlier prediction of these images left, and this one does not replace."""
+        written = {target for number in range(len(self.stems)) for target in self.targets(number).values()}
+        written |= {image for pair in self.pairs for image in pair}
+        there = (stem.with_name(stem.name + kind) for stem in self.stems for kind in KINDS)
+        return [path for path in there if path not in written and path.is_file()]
 
     def _check_targets(self, *, overwrite: bool) -> None:
         images = {image.resolve() for pair in self.pairs for image in pair}
@@ -164,10 +177,31 @@ class PredictionPlan:
                     raise InputError(f"{left} and {other}: would both be written to {target}, rename one")
 
 
+def _ensure_one_camera(pairs: Sequence[tuple[Path, Path]], sizes: Sequence[tuple[int, int]]) -> None:
+    for (left, _), (height, width) in zip(pairs, sizes, strict=True):
+        if (height, width) != sizes[0]:
+            raise InputError(
+                f"{left}: has {width}x{height} pixels and {pairs[0][0]} {sizes[0][1]}x{sizes[0][0]}, "
+                "expected images of one camera for one calibration; predict those of each camera by themselves"
+            )
+
+
 def ensure_folder(out: Path) -> None:
     """Refuse a place where no folder can be written to."""
     if (place := unwritable(out)) is not None:
         raise InputError(f"{out}: {place} is no folder that can be written to, choose another place")
+
+
+def warn_of_others(paths: Sequence[Path]) -> None:
+    """Say which files beside those written are of an earlier prediction, such as of a longer video."""
+    if paths:
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        warnings.warn(
+            f"{paths[0]}{more}: of an earlier prediction, which this one did not replace; remove what could "
+            "be taken for its own",
+            SfkitWarning,
+            stacklevel=2,
+        )
 
 
 def ensure_free(target: Path, *, overwrite: bool) -> None:
@@ -195,6 +229,7 @@ def predict_files(model: LoadedNetwork, plan: PredictionPlan) -> Iterator[Predic
         write_png(targets["preview"], preview_of(disparity)[..., ::-1])
         write_png(targets["overview"], overview_of(first, disparity, confidence)[..., ::-1])
         yield found
+    warn_of_others(plan.others())
 
 
 def predict_checked(

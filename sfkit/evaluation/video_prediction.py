@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,11 +15,13 @@ from sfkit.datasets.videos import StereoVideo, writing_video
 from sfkit.errors import InputError
 from sfkit.evaluation.prediction import Map, overview_of
 from sfkit.evaluation.prediction_files import (
+    KINDS,
     Outputs,
     PredictionFiles,
     ensure_folder,
     ensure_free,
     predict_checked,
+    warn_of_others,
     write_prediction,
 )
 from sfkit.merging.network import LoadedNetwork
@@ -97,12 +99,16 @@ class VideoPlan:
         endings = self.outputs.endings.items()
         return {what: self.stem.with_name(f"{self.stem.name}_{number:06}{end}") for what, end in endings}
 
-    def _left_over(self) -> list[Path]:
-        """Files of frames that lie there already."""
+    def others(self, written: Container[Path]) -> list[Path]:
+        """Files of frames of an earlier prediction that are not among those written."""
+        return [path for path in self._left_over(*KINDS) if path not in written]
+
+    def _left_over(self, *more: str) -> list[Path]:
+        """Files of frames that lie there already, with the endings of this plan and others."""
         if not self.stem.parent.is_dir():
             return []
         names = {path.name: path for path in self.stem.parent.iterdir()}
-        head, endings = f"{self.stem.name}_", tuple(self.outputs.endings.values())
+        head, endings = f"{self.stem.name}_", (*self.outputs.endings.values(), *more)
         return [
             path
             for name, path in sorted(names.items())
@@ -118,6 +124,7 @@ def predict_video(model: LoadedNetwork, plan: VideoPlan) -> Iterator[PredictionF
         SfkitError: the network failed on a frame.
     """
     limits: tuple[float, float] | None = None
+    written: set[Path] = set()
     rate = plan.video.rate / plan.every
     with writing_video(plan.overview, rate) as append:
         for number, (left, right) in itertools.islice(enumerate(plan.video.pairs()), 0, None, plan.every):
@@ -125,7 +132,10 @@ def predict_video(model: LoadedNetwork, plan: VideoPlan) -> Iterator[PredictionF
             disparity, check = predict_checked(model, left, right, where, check=plan.outputs.check)
             limits = _settled(limits, disparity)
             append(overview_of(left, disparity, None if check is None else check.confidence, limits))
-            yield write_prediction(disparity, left, plan.targets(number), plan.outputs, check)
+            targets = plan.targets(number)
+            written.update(targets.values())
+            yield write_prediction(disparity, left, targets, plan.outputs, check)
+    warn_of_others(plan.others(written))
 
 
 def _settled(limits: tuple[float, float] | None, disparity: Map) -> tuple[float, float]:

@@ -124,3 +124,33 @@ def test_no_frame_is_no_file(tmp_path: Path) -> None:
     with writing_video(tmp_path / "o.mp4", 12.0):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_that_did_not_come_to_the_disk_is_said_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """OpenCV writes to a full disk, and to a format it does not have, without a word."""
+
+    def write() -> None:
+        with writing_video(tmp_path / "o.mp4", 12.0) as append:
+            for level in (40, 80, 120):
+                append(grey(level))
+
+    class Full(cv2.VideoWriter):
+        def write(self, image: object) -> None:
+            """Nothing."""
+
+    class Unknown(cv2.VideoWriter):
+        def isOpened(self) -> bool:  # noqa: N802 (OpenCV's)
+            return False
+
+    for writer, said in ((Full, "0 of 3 frames could be written"), (Unknown, "OpenCV cannot write an MP4")):
+        with monkeypatch.context() as patched:
+            patched.setattr(cv2, "VideoWriter", writer)
+            with pytest.raises(InputError, match=said):
+                write()
+        assert list(tmp_path.iterdir()) == []
+    (tmp_path / "o.mp4").mkdir()
+    with pytest.raises(OSError, match=r"o\.mp4"):
+        write()
+    assert [path.name for path in tmp_path.iterdir()] == ["o.mp4"]

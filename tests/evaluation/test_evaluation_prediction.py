@@ -19,7 +19,7 @@ from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import read_disparity
 from sfkit.datasets.matching import match_pairs
 from sfkit.datasets.pfm import read_pfm
-from sfkit.errors import InputError, SfkitError
+from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.evaluation.point_cloud import depth_of
 from sfkit.evaluation.prediction import predict, preview_of
 from sfkit.evaluation.prediction_files import Outputs, PredictionPlan, predict_files
@@ -186,6 +186,31 @@ def test_overwriting_is_asked_for_and_never_reaches_an_image(pair: tuple[Path, P
     assert np.array_equal(read_pfm(tmp_path / "left.pfm"), said + 1)
     with pytest.raises(InputError, match=r"left.png: is one of the images"):
         PredictionPlan.of([pair], tmp_path, Outputs("png16"), overwrite=True)
+
+
+def test_files_of_an_earlier_prediction_are_named(pair: tuple[Path, Path], tmp_path: Path) -> None:
+    """Depth of other cameras beside the new disparity, say."""
+    out, said = tmp_path / "out", disparities()
+    list(
+        predict_files(given(said), PredictionPlan.of([pair], out, Outputs(calibration=Calibration(9.0, 1.0))))
+    )
+    with pytest.warns(SfkitWarning, match=r"out/left_depth\.pfm: of an earlier prediction"):
+        list(predict_files(given(said), PredictionPlan.of([pair], out, overwrite=True)))
+
+
+def test_images_of_unequal_sizes_are_of_several_cameras(tmp_path: Path) -> None:
+    """KITTI's drives: one focal length for all would give depth that is wrong for most, without a word."""
+    sizes = {"a": (20, 30), "b": (20, 32)}
+    pairs = [
+        (image(tmp_path / f"{n}.png", size), image(tmp_path / f"{n}r.png", size)) for n, size in sizes.items()
+    ]
+    cameras = Outputs(calibration=Calibration(100.0, 0.5))
+    with pytest.raises(
+        InputError, match=r"b\.png: has 32x20 pixels and .*a\.png 30x20, expected images of one"
+    ):
+        PredictionPlan.of(pairs, tmp_path / "out", cameras)
+    PredictionPlan.of(pairs, tmp_path / "out")
+    PredictionPlan.of(pairs[1:], tmp_path / "out", cameras)
 
 
 def test_every_image_is_read_before_the_first_is_predicted(pair: tuple[Path, Path], tmp_path: Path) -> None:

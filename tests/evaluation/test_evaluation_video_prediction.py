@@ -14,7 +14,7 @@ from sfkit.architectures import InputConvention
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.pfm import read_pfm
 from sfkit.datasets.videos import StereoVideo, frames
-from sfkit.errors import InputError, SfkitError
+from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.evaluation.prediction import predict
 from sfkit.evaluation.prediction_files import Outputs, PredictionFiles
 from sfkit.evaluation.video_prediction import VideoPlan, predict_video
@@ -73,6 +73,18 @@ def keep_into(found: list[PredictionFiles], plan: VideoPlan) -> None:
     """Keeps what comes before an error."""
     for written in predict_video(MODEL, plan):
         found.append(written)
+
+
+def test_frames_of_an_earlier_prediction_are_named(video: StereoVideo, tmp_path: Path) -> None:
+    """Of a longer video, of one with depth, or of every frame: what lies there is no part of this one."""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("000000.pfm", "000001.pfm", "000009_depth.pfm", "notes.txt"):
+        (out / f"drive_{name}").write_bytes(b"mine")
+    plan = VideoPlan.of(video, out, every=3, overwrite=True)
+    with pytest.warns(SfkitWarning, match=r"drive_000001\.pfm and 1 more: of an earlier prediction"):
+        assert len(list(predict_video(MODEL, plan))) == 2
+    assert (out / "drive_000001.pfm").read_bytes() == b"mine", "nothing is deleted"
 
 
 def test_what_would_be_lost_or_fail_is_refused_first(video: StereoVideo, tmp_path: Path) -> None:
