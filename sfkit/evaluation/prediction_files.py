@@ -182,7 +182,7 @@ def _ensure_one_camera(pairs: Sequence[tuple[Path, Path]], sizes: Sequence[tuple
         if (height, width) != sizes[0]:
             raise InputError(
                 f"{left}: has {width}x{height} pixels and {pairs[0][0]} {sizes[0][1]}x{sizes[0][0]}, "
-                "expected images of one camera for one calibration; predict those of each camera by themselves"
+                "expected images of one camera for one calibration; predict each camera's by themselves"
             )
 
 
