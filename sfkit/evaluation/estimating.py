@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import resource
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,9 +67,13 @@ def estimate(scorer: Evaluator | CombinedScorer, recipe: Recipe, evaluations: in
 
 
 def peak_memory() -> int:
-    """The largest resident memory of this process so far, in bytes."""
+    """The largest resident memory of this process so far, in bytes; 0 on Windows, which does not say."""
     status = Path("/proc/self/status")  # getrusage counts from the peak of the process that started this one
     if status.is_file() and (own := re.search(r"^VmHWM:\s+(\d+) kB$", status.read_text(), re.MULTILINE)):
         return int(own[1]) * 1024
+    try:
+        import resource
+    except ModuleNotFoundError:
+        return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024

@@ -6,6 +6,7 @@ import os
 import shutil
 import signal
 import socket
+import sys
 import types
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,8 +16,12 @@ from cli_world import Shell
 from tiny import write_pairs, write_pool
 
 from sfkit.checkpoints import writing
-from sfkit.evaluation.engines import choice
+from sfkit.datasets import open_benchmark
+from sfkit.evaluation import Compute, Evaluator, estimating
+from sfkit.evaluation.engines import plan
+from sfkit.evaluation.engines.auto import AutoEngine
 from sfkit.evaluation.engines.worker import Worker
+from sfkit.merging import open_pool
 
 PAIRS = "-b pairs -r pairs"
 LEFT, RIGHT = "pairs/pair0/left.png", "pairs/pair0/right.png"
@@ -217,11 +222,18 @@ def test_a_cluster_that_does_not_answer(shell: Shell, monkeypatch: pytest.Monkey
 
 
 def test_worker_processes_are_refused_where_there_are_none(
-    shell: Shell, monkeypatch: pytest.MonkeyPatch
+    shell: Shell, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(choice, "SYSTEM", "win32")
+    """On Windows; what is picked there does without, and so does what tells the peak of memory."""
+    monkeypatch.setattr(plan, "SYSTEM", "win32")
     _, errors = shell(f"evaluate pool --uniform {PAIRS} --engine processes", code=2)
     assert "does not run on Windows" in errors
+    pool, pairs = open_pool(world / "pool"), open_benchmark("pairs", world / "pairs")
+    engine = AutoEngine(pool, Evaluator(pool, pairs).prepared, Compute(engine="auto", workers=2))
+    assert "does not run on Windows" in engine.why
+    monkeypatch.setitem(sys.modules, "resource", None)
+    monkeypatch.setattr(estimating, "Path", lambda _: tmp_path / "absent")
+    assert estimating.peak_memory() == 0
 
 
 def test_links_that_lie_in_pool_and_pairs_are_followed(

@@ -14,7 +14,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.compute import Compute
 from sfkit.evaluation.engines.crew import ParallelEngine
 from sfkit.evaluation.engines.inline import InlineEngine
-from sfkit.evaluation.engines.plan import ensure_rebuildable, module_of
+from sfkit.evaluation.engines.plan import ensure_processes, ensure_rebuildable, module_of
 from sfkit.evaluation.engines.processes import process_engine
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
@@ -78,6 +78,7 @@ class AutoEngine:
             one = "the CPU" if device == "cpu" else "one GPU"
             return None, f"{one} is one device: name workers to run several evaluations at a time on it"
         try:
+            ensure_processes()
             module_of(self._pool)
             ensure_rebuildable(self._pool)
         except InputError as error:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from sfkit.errors import InputError
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines.auto import AutoEngine
 from sfkit.evaluation.engines.inline import InlineEngine
-from sfkit.evaluation.engines.plan import ensure_rebuildable, module_of
+from sfkit.evaluation.engines.plan import ensure_processes, ensure_rebuildable, module_of
 from sfkit.evaluation.engines.processes import process_engine
 from sfkit.evaluation.engines.ray_actors import ray_engine
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
-
-SYSTEM = sys.platform
 
 
 class Engine(Protocol):
@@ -66,8 +62,8 @@ def check_pool(name: str, pool: Pool) -> None:
         InputError: there are none on this system, they could not import its architecture, or prepare its
             task vectors from its files.
     """
-    if name == "processes" and SYSTEM == "win32":
-        raise InputError("engine 'processes': does not run on Windows yet, use engine='inline' or 'ray'")
+    if name == "processes":
+        ensure_processes()
     if name in ("processes", "ray"):
         module_of(pool)
     if name == "processes":

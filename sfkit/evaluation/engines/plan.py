@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import sys
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -30,6 +31,8 @@ from sfkit.merging.steps import FisherMean, Step
 
 _NOT_IMPORTABLE = (None, "__main__", "__mp_main__")
 _ADAPTERS = "sfkit.architectures.adapters."
+
+SYSTEM = sys.platform
 
 
 @dataclass(frozen=True)
@@ -206,6 +209,16 @@ def module_of(pool: Pool) -> str:
     module = getattr(named(pool.architecture.build), "__module__", None)
     ensure_importable([module], f"architecture {pool.architecture.name!r}")
     return str(module)
+
+
+def ensure_processes() -> None:
+    """Refuse a system whose processes do not inherit pipes by number, as worker processes talk.
+
+    Raises:
+        InputError: it is Windows.
+    """
+    if SYSTEM == "win32":
+        raise InputError("engine 'processes': does not run on Windows yet, use engine='inline' or 'ray'")
 
 
 def ensure_rebuildable(pool: Pool) -> None:
