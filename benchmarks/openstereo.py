@@ -16,7 +16,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -56,11 +56,21 @@ CASES = {
 
 
 def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> dict[str, Any]:
-    """Walk one model's road, in a folder that is removed after.
+    """Walk one model's road: :func:`walk` with one of :data:`CASES` from a checkout of OpenStereo."""
+    case = CASES[name]
+    options = {"root": str(checkout), "cfg": case.cfg}
+    return {"name": name, **walk("openstereo", options, case.size, real, evaluations=evaluations)}
+
+
+def walk(
+    kind: str, options: Mapping[str, Any], size: tuple[int, int], real: Path, *, evaluations: int = 4
+) -> dict[str, Any]:
+    """From opening a pool to a tiny search, in a folder that is removed after.
 
     Args:
-        name: one of :data:`CASES`.
-        checkout: of OpenStereo.
+        kind: an architecture.
+        options: its options.
+        size: (height, width) of the part of the real pair.
         real: the folder of real pairs.
         evaluations: of Stage 2, the first of which is the one subset of Stage 1.
 
@@ -72,10 +82,10 @@ def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> d
         InputError: the checkout or the pair is not there.
     """
     torch.set_num_threads(1)
-    case, spent = CASES[name], dict[str, float]()
+    spent = dict[str, float]()
     with tempfile.TemporaryDirectory() as folder:
-        pool_file = write_pool(Path(folder), case.cfg, checkout)
-        pairs = write_pair(Path(folder) / "pairs", real, case.size)
+        pool_file = write_pool(Path(folder), kind, options)
+        pairs = write_pair(Path(folder) / "pairs", real, size)
         with _timed(spent, "open"):
             pool = sfkit.open_pool(pool_file)
         recipe = pool.uniform()
@@ -100,8 +110,7 @@ def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> d
         assert np.isfinite([outcome.score, which.score, how.score]).all()
         network = pool.merge(recipe).network
     return {
-        "name": name,
-        "size": list(case.size),
+        "size": list(size),
         "parameters": sum(parameter.numel() for parameter in network.parameters()),
         "blocks": list(pool.blocks),
         **{key: round(seconds, 1) for key, seconds in spent.items()},
@@ -110,11 +119,11 @@ def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> d
     }
 
 
-def write_pool(folder: Path, cfg: str, checkout: Path) -> Path:
+def write_pool(folder: Path, kind: str, options: Mapping[str, Any]) -> Path:
     """Base and two sources with random weights, as OpenStereo's trainer saves them, and their pool.toml."""
     torch.manual_seed(0)
-    entry = architecture("openstereo")
-    network = entry.build(**entry.resolve({"root": str(checkout), "cfg": cfg}))
+    entry = architecture(kind)
+    network = entry.build(**entry.resolve(options))
     base = {key: tensor.clone() for key, tensor in network.state_dict().items()}
     for number, name in enumerate(("base", "a", "b")):
         drawn = torch.Generator().manual_seed(number)
@@ -126,8 +135,8 @@ def write_pool(folder: Path, cfg: str, checkout: Path) -> Path:
         }
         torch.save({"model_state": state, "optimizer_state": {}, "epoch": 1}, folder / f"{name}.pth")
     sources = "".join(f'[sources.{name}]\nfile = "{name}.pth"\n' for name in "ab")
-    options = f"[options]\nroot = {json.dumps(str(checkout))}\ncfg = {json.dumps(cfg)}\n"
-    text = f'name = "openstereo"\narchitecture = "openstereo"\n{options}[base]\nfile = "base.pth"\n{sources}'
+    said = "".join(f"{key} = {json.dumps(value)}\n" for key, value in options.items())
+    text = f'name = "{kind}"\narchitecture = "{kind}"\n[options]\n{said}[base]\nfile = "base.pth"\n{sources}'
     (folder / "pool.toml").write_text(text, encoding="utf-8")
     return folder / "pool.toml"
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 from processes import call, shown
 
@@ -21,12 +23,16 @@ def section() -> str:
         "Stage 1 over the one subset of two sources, which was scored before, and three mixtures more in "
         "Stage 2.",
         "",
-        "| model | parameters | size | blocks | open | merge, write | one evaluation | search | peak MB |",
-        "|---|--:|--:|---|--:|--:|--:|--:|--:|",
+        *rows(call("openstereo.py", name, "--json") for name in cases),
     ]
-    for name in cases:
-        r = call("openstereo.py", name, "--json")
+    return "\n".join(lines)
+
+
+def rows(results: Iterable[dict[str, Any]]) -> Iterator[str]:
+    """What ``walk`` of ``benchmarks/openstereo.py`` found, a network a row."""
+    yield "| model | parameters | size | blocks | open | merge, write | one evaluation | search | peak MB |"
+    yield "|---|--:|--:|---|--:|--:|--:|--:|--:|"
+    for r in results:
         size, seconds = r["size"], (f"{r[step]} s" for step in ("open", "merge", "evaluate", "search"))
         first = (r["name"], f"{r['parameters']:,}", f"{size[0]} x {size[1]}", ", ".join(r["blocks"]))
-        lines.append(f"| {' | '.join((*first, *seconds))} | {r['peak_memory_mb']:,} |")
-    return "\n".join(lines)
+        yield f"| {' | '.join((*first, *seconds))} | {r['peak_memory_mb']:,} |"

@@ -146,8 +146,12 @@ def import_from(folder: str | Path, module: str, attribute: str) -> Callable[...
     try:
         with _beside(folder):
             found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise InputError(f"{folder}: {module}.{attribute} cannot be imported ({error})") from error
+    except Exception as error:  # a package it needs may fail with anything, torchvision with RuntimeError
+        reason = f"{type(error).__name__}: {error}"
+        raise InputError(
+            f"{folder}: {module}.{attribute} cannot be imported ({reason}); is what this checkout asks for "
+            "installed, and is this the right checkout?"
+        ) from error
     return found  # type: ignore[no-any-return]
 
 

@@ -35,9 +35,10 @@ def check(
     opened = pool_of(pool)
     called = first_call(opened)
     height, width = called.size
+    memory = f"peak memory {called.memory / 2**30:.1f} GiB"
     lines = [
         f"{opened!r}",
-        f"one pass on {width}x{height}: {called.seconds:.2f} s, peak memory {called.memory / 2**30:.1f} GiB",
+        *([f"one pass on {width}x{height}: {called.seconds:.2f} s, {memory}"] if called.seconds else []),
         *(f"{mistake.name}: {mistake.sentence}" for mistake in called.mistakes),
     ]
     document = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -25,7 +25,7 @@ from sfkit.merging.pool import Pool
 
 SHIFT = 8  # pixels that the pair's right view is moved by
 SIZE = (75, 150)  # of the pair; no multiple of what networks like to divide by
-LARGER = (270, 500)  # where that is too small: PSMNet pools over cells of 256 pixels
+LARGER = (270, 500)  # where that is too small: PSMNet pools over cells of 256 pixels, others shift by 192
 MULTIPLES = (8, 16, 32, 48, 64)
 SAME = 1e-4  # px that two calls of one network may differ by
 
@@ -51,7 +51,7 @@ class FirstCall:
 
     Attributes:
         mistakes: the first ones found; empty where all is well.
-        seconds: of one forward pass, the second.
+        seconds: of one forward pass, the second; 0 where there was none.
         memory: the process's highest memory so far, in bytes.
         size: height and width of the pair, in pixels.
     """
@@ -74,23 +74,16 @@ def first_call(pool: Pool) -> FirstCall:
     network, entry = pool.merge(pool.base_recipe()).network, pool.architecture
     inputs, size = entry.inputs(pool.options), SIZE
     mistakes = [*_importable(pool), *_mode(network)]
-    started = time.perf_counter()
+    seconds = 0.0
     try:
-        try:
-            output, fatal = _call(network, inputs, size)
-        except Exception:  # the same failure on a larger pair is raised again, and told below
-            size = LARGER
-            output, fatal = _call(network, inputs, size)
-        started = time.perf_counter()
-        again, _ = (output, None) if fatal else _call(network, inputs, size)
+        output, fatal, size = _first(network, inputs)
+        if fatal is None:
+            started = time.perf_counter()
+            again = _called(network, inputs, size)
+            seconds = time.perf_counter() - started
     except Exception as error:  # whatever a user's network raises is what is to be told
         text = str(error).partition("\n")[0]
-        output, again, fatal = (
-            None,
-            None,
-            Mistake("call", f"the network failed ({type(error).__name__}: {text})"),
-        )
-    seconds = time.perf_counter() - started
+        fatal = Mistake("call", f"the network failed ({type(error).__name__}: {text})")
     mistakes += [fatal] if fatal else list(_output(output, again, inputs.window(*size)[1]))
     return FirstCall(tuple(mistakes), seconds, peak_memory(), size)
 
@@ -115,33 +108,39 @@ def _mode(network: nn.Module) -> Iterator[Mistake]:
             return
 
 
-def _call(network: nn.Module, inputs: InputConvention, size: tuple[int, int]) -> tuple[Any, Mistake | None]:
-    """The output on one pair of (height, width), or the mistake that kept it from coming.
+def _first(network: nn.Module, inputs: InputConvention) -> tuple[Any, Mistake | None, tuple[int, int]]:
+    """The output on the first pair that the network takes and its (height, width), or why it takes none.
 
     Raises:
-        Exception: whatever the network raises where neither gradients nor another size would help.
+        Exception: whatever the network raises where neither gradients nor another multiple would help.
     """
-    left, right = shifted_pair(size)
-    pair = inputs.prepare(left, right)
-    try:
-        with torch.inference_mode():
-            return network(pair.left, pair.right), None
-    except Exception:  # what a network raises is looked into, and raised again where nothing helps
-        if _runs(network, inputs, left, right, gradients=True):
-            return None, Mistake(
-                "gradients",
-                "the network runs only where gradients are recorded: take autograd and in-place changes of "
-                "parameters out of its forward, which evaluations call without gradients",
+    for size in (SIZE, LARGER):
+        try:
+            return _called(network, inputs, size), None, size
+        except Exception:  # a small pair is too small for some; what fails on both is looked into
+            continue
+    left, right = shifted_pair(LARGER)
+    if _runs(network, inputs, left, right, gradients=True):
+        sentence = (
+            "the network runs only where gradients are recorded: take autograd and in-place changes of "
+            "parameters out of its forward, which evaluations call without gradients"
+        )
+        return None, Mistake("gradients", sentence), LARGER
+    for multiple in MULTIPLES:
+        other = replace(inputs, multiple=multiple)
+        if multiple % inputs.multiple == 0 and _runs(network, other, left, right, gradients=False):
+            sentence = (
+                f"the network fails on {left.shape[1]}x{left.shape[0]} pixels and runs where both are "
+                f"multiples of {multiple}: say inputs=InputConvention(multiple={multiple})"
             )
-        for multiple in MULTIPLES:
-            other = InputConvention(inputs.scale, inputs.mean, inputs.std, multiple, inputs.sides)
-            if multiple % inputs.multiple == 0 and _runs(network, other, left, right, gradients=False):
-                return None, Mistake(
-                    "size",
-                    f"the network fails on {left.shape[1]}x{left.shape[0]} pixels and runs where both are "
-                    f"multiples of {multiple}: say inputs=InputConvention(multiple={multiple})",
-                )
-        raise
+            return None, Mistake("size", sentence), LARGER
+    return _called(network, inputs, LARGER), None, LARGER
+
+
+def _called(network: nn.Module, inputs: InputConvention, size: tuple[int, int]) -> Any:
+    pair = inputs.prepare(*shifted_pair(size))
+    with torch.inference_mode():
+        return network(pair.left, pair.right)
 
 
 def _runs(

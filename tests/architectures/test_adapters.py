@@ -69,6 +69,12 @@ def test_openstereo_refusals(options: dict[str, str], message: str, tmp_path: Pa
         entry.build(**entry.resolve(filled))
 
 
+def test_an_aanet_without_its_extension_says_what_to_build(tmp_path: Path) -> None:
+    write(tmp_path, {"nets/deform_conv/__init__.py": "from . import deform_conv_cuda"})
+    with pytest.raises(InputError, match=r"nets/deform_conv: its CUDA extension is not built.*build\.sh"):
+        architecture("aanet").build(root=str(tmp_path))
+
+
 @pytest.mark.parametrize(
     ("calling", "output"),
     [

@@ -100,6 +100,14 @@ def test_two_checkouts_with_a_package_of_one_name_live_side_by_side(tmp_path: Pa
     assert built == ["raft", "igev"]
 
 
+@pytest.mark.parametrize("fails", ["import no_such_package", "raise RuntimeError('no operator')", "x = ("])
+def test_a_checkout_that_cannot_be_imported_is_told_in_a_sentence(fails: str, tmp_path: Path) -> None:
+    (tmp_path / "broken_net.py").write_text(fails)
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"broken_net\.Net cannot be imported \(\w+Error: .*installed"):
+            code.import_from(tmp_path, "broken_net", "Net")
+
+
 @pytest.mark.parametrize(
     ("head", "write", "message"),
     [

@@ -100,10 +100,13 @@ def test_a_sound_network_has_none_and_the_command_says_so(
         assert ('output="last"' in printed) is (code_ == 1)
 
 
-def test_a_network_that_pools_over_large_cells_is_called_on_a_larger_pair(tmp_path: Path) -> None:
+def test_a_network_that_small_pairs_are_too_small_for_is_called_on_a_larger_one(tmp_path: Path) -> None:
     end = "torch.nn.functional.avg_pool2d(left, 256); return value"
     called = first_call(pool_returning(tmp_path, end))
     assert (called.mistakes, called.size) == ((), LARGER)
+    # Costs for 48 shifts at a quarter of the width, as MobileStereoNet: no matter of multiples.
+    shifts = "[left[..., 4 * d :].amax() for d in range(48)]; return value"
+    assert first_call(pool_returning(tmp_path, shifts)).mistakes == ()
     assert first_call(pool_returning(tmp_path, "return value")).size == SIZE
 
 

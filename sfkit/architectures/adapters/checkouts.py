@@ -67,7 +67,7 @@ def _timm() -> Any:
     """The package, or None: where it cannot be imported, the model that needs it says so."""
     try:
         return importlib.import_module("timm")
-    except ImportError:
+    except (ImportError, RuntimeError):  # the latter from a torchvision that is another PyTorch's
         return None
 
 

@@ -14,6 +14,8 @@ from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, witho
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
 from sfkit.architectures.registry import Blocks, register_architecture
+from sfkit.errors import InputError
+from sfkit.files import home
 
 RAW = InputConvention(1.0, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0), 32, PadSides.CENTRE)  # 0..255, as PNG holds them
 RAFT_BLOCKS: Blocks = {
@@ -152,6 +154,12 @@ def aanet(
 ) -> nn.Module:
     """AANet (Xu and Zhang, CVPR 2020), from haofeixu/aanet; its deformable convolution needs a GPU."""
     ensure_root(root, "aanet", "haofeixu/aanet")
+    extension = home(root) / "nets" / "deform_conv"
+    if extension.is_dir() and not any(extension.glob("deform_conv_cuda*")):
+        raise InputError(
+            f"{extension}: its CUDA extension is not built, expected deform_conv_cuda: run build.sh there "
+            "on a machine with a GPU; without one AANet does not run"
+        )
     build = import_from(root, "nets", "AANet")
     return cast(
         nn.Module,
