@@ -23,6 +23,7 @@ def file_digest(path: Path) -> str:
 
 
 @lru_cache(maxsize=16384)
+# The look is there for the cache's key: a file that was written to since is read again.
 def _digest(path: Path, _looks: Signature) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -18,6 +18,7 @@ from sfkit.outside import read_toml
 
 ID, RESOLUTION = "{id}", "{resolution}"
 MOST = 1_000_000
+# str.format reaches into objects: a manifest may ask it for a padded number and nothing else.
 _COUNTED = re.compile(r"[^{}]*\{0?(?::0?\d?\d?d?)?\}[^{}]*")
 
 

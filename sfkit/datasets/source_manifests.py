@@ -83,6 +83,7 @@ class SourceManifest:
         """Whether a sequence is kept from training."""
         if any(re.fullmatch(pattern, sequence) for pattern in self.held_out):
             return True
+        # Python's own hash of a text differs from process to process.
         return bool(self.hold_every) and zlib.crc32(sequence.encode()) % self.hold_every == 0
 
 

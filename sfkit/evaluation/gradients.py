@@ -48,6 +48,7 @@ class GradientModel:
 
     def take(self, recipe: Recipe) -> None:
         """Become the network a recipe describes."""
+        # Written in place into leaves that want gradients, which autograd allows only unrecorded.
         with torch.no_grad():
             self._live.apply(recipe)
 

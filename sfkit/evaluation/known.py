@@ -85,6 +85,7 @@ def scored(evaluator: Evaluator, before: int | None = None) -> dict[str, Evaluat
     In the order of writing; failed candidates are left out. ``before`` keeps the first so many that were
     written, all unless given.
     """
+    # As the store gives it back: tuples are lists there.
     frame = json.loads(json.dumps(evaluator.frame))
     store = evaluator.store
     found = {}

@@ -293,6 +293,8 @@ def count_errors(
         return ImageErrors(regions.id, limits, nonfinite, broken)
     flat = prediction.ravel()
     used = flat if regions.used is None else flat.take(regions.used)
+    # In float64, where differences of float32 are exact: thresholds are strict, and rounding must not cross
+    # one.
     errors = np.subtract(used, regions.truth, dtype=np.float64)
     np.abs(errors, out=errors)
     counted = {name: _count(errors, regions, name, limits) for name in regions.inside}
@@ -305,6 +307,8 @@ def _count(
     inside, (near, bounds) = regions.inside[name], regions.near[name]
     own = errors if inside is None else errors.take(inside)
     flags = np.empty(len(own), np.bool_)
+    # D1 is bad-3 less those that 5 % of a large disparity forgives: so few that all others need no second
+    # test.
     above = {t: int(np.count_nonzero(np.greater(own, t, out=flags))) for t in {*limits, D1_PIXELS}}
     large = own.take(near)
     forgiven = int(np.count_nonzero((large > D1_PIXELS) & (large <= bounds)))

@@ -39,6 +39,7 @@ class PreparedBenchmark:
     """
 
     def __init__(self, benchmark: Benchmark, inputs: InputConvention, quantities: Quantities) -> None:
+        # The caller's arrays may change later, and would no longer be what the fingerprint says.
         own = (pair.frozen() if isinstance(pair, MemoryPair) else pair for pair in benchmark.pairs)
         self.benchmark = benchmark = replace(benchmark, pairs=tuple(own))
         self.fingerprint = benchmark.fingerprint()
@@ -48,6 +49,7 @@ class PreparedBenchmark:
         self.samples: tuple[Sample, ...] = tuple(sample for sample, _ in checked)
         self.valid: tuple[Mask, ...] = tuple(mask for _, mask in checked)
         self.ensure_unchanged()
+        # Two views of three float32 channels; padding hardly matters here.
         total = sum(8 * 3 * sample.left.shape[0] * sample.left.shape[1] for sample in self.samples)
         self._keep = total <= KEEP_BYTES
         self._kept: dict[int, PreparedPair] = {}

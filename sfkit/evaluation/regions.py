@@ -48,6 +48,7 @@ class Regions:
         """Sort the pixels of an image by masks (H, W); a pixel can lie in several regions, or in none."""
         used = np.flatnonzero(np.logical_or.reduce(list(masks.values())))
         values = truth.ravel().take(used)
+        # In float64, like the errors they are compared with: 5 % of a float32 is none.
         bounds = D1_SHARE * values.astype(np.float64)
         inside: dict[str, Index | None] = {}
         near = {}

@@ -56,6 +56,7 @@ def consistency(of_left: Map, of_right: Map) -> tuple[NDArray[np.bool_], NDArray
     columns = np.arange(of_left.shape[1]) - np.rint(np.where(finite, of_left, 0)).astype(np.int64)
     inside = finite & (columns >= 0) & (columns < of_left.shape[1])
     back = np.take_along_axis(of_right, np.clip(columns, 0, of_left.shape[1] - 1), axis=1)
+    # Infinities of both views may meet; such pixels are not inside.
     with np.errstate(invalid="ignore"):
         return inside & (np.abs(of_left - back) <= CONSISTENT), inside
 

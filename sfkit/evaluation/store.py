@@ -214,6 +214,7 @@ def evaluation_of(row: Sequence[Any], path: Path) -> Evaluation:
         DamagedStoreError: it is not what was written.
     """
     key, description, errors, failure, seconds, checksum = row
+    # None in rows from before there were checksums.
     if checksum not in (None, _checksum(*row[:5])):
         raise DamagedStoreError(
             f"{path}: is damaged, evaluation {key} is not what was written: {salvage(path)}"

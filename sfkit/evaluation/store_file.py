@@ -163,6 +163,7 @@ def _opened(path: Path, mode: str) -> sqlite3.Connection:
         if mode == "delete":
             db.execute("PRAGMA locking_mode = NORMAL")
             db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()  # lets go of it
+        # NORMAL may lose the last writes to a power cut, and a score is on disk before anyone hears of it.
         db.execute("PRAGMA synchronous = FULL")
     except BaseException:
         db.close()
@@ -189,6 +190,7 @@ def _create(path: Path, fill: Callable[[sqlite3.Connection], None]) -> None:
         with closing(sqlite3.connect(fresh)) as db:
             fill(db)
         try:
+            # A link, since renaming would replace the file of a process that was first.
             os.link(fresh, path)
         except FileExistsError:
             return
@@ -214,6 +216,7 @@ def _make(db: sqlite3.Connection, mode: str) -> None:
     """Make the tables; two processes may do so at once, and one that is killed leaves all or nothing."""
     if mode != "memory":
         _turn_journal(db, mode)
+    # Two that read first and write later would refuse each other at once, without waiting.
     db.execute("BEGIN IMMEDIATE")
     with db:
         db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
@@ -248,6 +251,7 @@ def _check_identity(db: sqlite3.Connection, path: Path) -> None:
         raise StoreError(
             f"{path}: was written by a newer sfkit (store version {version}), update sfkit to read it"
         )
+    # Linear in the size of the file, where integrity_check compares every index as well.
     problem = db.execute("PRAGMA quick_check(1)").fetchone()[0]
     if problem != "ok":
         problem = problem.rpartition("\n")[2]  # after the name of the database

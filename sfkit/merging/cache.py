@@ -141,6 +141,7 @@ class VectorCache:
         kept = 0
         for entry in self.entries():
             kept += entry.size_bytes
+            # The spared one is about to be mapped, even where it is larger than the limit by itself.
             if kept > self.limit and entry.name != spare:
                 self._drop(entry.name)
 

@@ -44,6 +44,8 @@ class FlatLayout:
         """Lay tensors out by block (outside first), kind and key; constants have no place."""
         ranked = sorted(
             (spec for spec in specs if spec.kind is not Kind.CONSTANT),
+            # By key, not by the module's order: packed vectors in the cache must not depend on how a network
+            # is written.
             key=lambda spec: (partition.block_of(spec.key), spec.kind is Kind.STATISTIC, spec.key),
         )
         entries: list[tuple[TensorSpec, int]] = []

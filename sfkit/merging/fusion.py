@@ -65,6 +65,7 @@ def _gather(rows: Sequence[Row], piece: Piece, scratch: torch.Tensor) -> torch.T
 
 def _fisher(stack: torch.Tensor, information: list[torch.Tensor], floor: float, out: torch.Tensor) -> None:
     """Sum F_i tau_i / sum F_i, which is (sum F_i theta_i / sum F_i) - theta_0."""
+    # Without a floor an entry that no source's loss feels would be 0 / 0.
     weights = torch.stack(information).clamp_(min=floor)
     torch.div((weights * stack).sum(dim=0), weights.sum(dim=0), out=out)
 

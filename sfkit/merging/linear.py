@@ -36,6 +36,7 @@ def merge_flat(
     """
     for segment in layout.segments:
         coefficients = _coefficients(recipe, segment)
+        # A source without weight is not read: of a big pool its pages may still lie on disk.
         used = [(vectors[e], c) for e, c in enumerate(coefficients) if c != 0.0]
         weighted_sum(base, used, out, segment.start, segment.stop)
 
@@ -54,6 +55,7 @@ def weighted_sum(
         if not terms:
             target.copy_(base[part])
             continue
+        # The first term is added while the base is copied: one pass over the output fewer.
         torch.add(base[part], terms[0][0][part], alpha=terms[0][1], out=target)
         for vector, coefficient in terms[1:]:
             target.add_(vector[part], alpha=coefficient)

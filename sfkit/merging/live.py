@@ -93,6 +93,7 @@ class LiveModel:
         """
         with self.mode.computing(self.device):
             output = self.network(*(self.mode.place(images, self.device) for images in (left, right)))
+        # Under autocast the last layer may answer in bfloat16, whose steps are 0.5 px at 100 px.
         return output.reshape(output.shape[-2:]).float().cpu()  # type: ignore[no-any-return]
 
 
@@ -107,4 +108,5 @@ def _bind(network: nn.Module, views: Mapping[str, torch.Tensor]) -> None:
     """Make parameters and running statistics views, aliases of one tensor the same view."""
     for key, tensor in network.state_dict(keep_vars=True).items():
         if key in views:
+            # The Parameter objects stay, only their memory is another: what refers to them goes on working.
             tensor.data = views[key]

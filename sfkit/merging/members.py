@@ -216,6 +216,7 @@ class PoolOpener:
         """
         record = self.contents(file)
         digests = record.digests
+        # By digest, so that a tensor which training left alone costs nothing from here on.
         changed = tuple(
             s for s in order if s.key in digests and digests[s.key] != base_record.digests.get(s.key)
         )
@@ -306,6 +307,8 @@ def assemble(
     layout.fill(flat_base, base)
     by_source = {}
     for source in staged:
+        # Mostly all sources change the same tensors: then the buffer or mapped file it was read into serves
+        # as it is.
         if source.changed == order:
             by_source[source.member.name] = source.values
             continue

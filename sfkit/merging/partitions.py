@@ -114,6 +114,7 @@ def _disagreement(
         for first in range(start, start + length, _CHUNK):
             last = min(first + _CHUNK, start + length)
             rows = torch.stack([vector[first:last] for vector in vectors])
+            # Products in float32 for speed; sums over chunks in float64, which would else lose small ones.
             gram += (rows @ rows.T).double()
             up, down = (rows > 0).sum(dim=0), (rows < 0).sum(dim=0)
             minority += float(torch.minimum(up, down).sum()) / len(vectors)
@@ -179,6 +180,7 @@ def _cuts(weights: Sequence[int], runs: int) -> list[int]:
     Returns:
         ``runs - 1`` positions; the first run is ``weights[:cuts[0]]``.
     """
+    # By dynamic programming: cut greedily at the mean, the last run can be far heavier than it needs to be.
     total = np.concatenate([[0], np.cumsum(weights)])
     count = len(weights)
     best = np.full((runs + 1, count + 1), np.inf)
@@ -223,6 +225,7 @@ def _clusters(points: Floats, weights: Sequence[int], count: int) -> list[int]:
     chosen = [int(mass.argmax())]
     while len(chosen) < count:
         distance = _distances(points, points[chosen]).min(axis=1)
+        # Below 0, so that doubles of a chosen point begin clusters before it would be chosen again.
         distance[chosen] = -1.0
         chosen.append(int((distance * np.sqrt(mass)).argmax()))
     centres = points[chosen].copy()

@@ -285,12 +285,15 @@ class Pool:
     def describe(self) -> dict[str, Any]:
         """The architecture with all that changes its output for a recipe; part of evaluation keys."""
         rounding = self.task_vectors.rounding
+        # Where code lies on this machine changes no output.
         options = {k: v for k, v in self.options.items() if k not in self.architecture.places}
         return {
             "name": self.architecture.name,
             "version": self.architecture.version_of(self.options),
+            # As the store gives it back: tuples are lists there.
             "options": json.loads(json.dumps(options, sort_keys=True)),
             "inputs": self.architecture.inputs(self.options).describe(),
+            # Left out where there is none: keys from before pools had a data type stay what they were.
             **({} if rounding is None else {"dtype": self.dtype}),
         }
 

@@ -129,6 +129,7 @@ def _fused(sources: Sequence[_Source], step: Fused, pool: Pool, given: Importanc
     origins = {origin.name: origin for source in chosen for origin in source.origins}
     if step.name in pool.identity or step.name in origins:
         raise InputError(f"{step.kind}: the name {step.name!r} is taken by a source, give the step another")
+    # Not strict: without weights there are names alone.
     weights = dict(zip(step.sources, step.weights, strict=False)) if isinstance(step, Elect) else {}
     ordered = sorted(chosen, key=lambda source: source.row.fingerprint)
     rows = [source.row for source in ordered]

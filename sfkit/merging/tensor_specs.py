@@ -57,6 +57,7 @@ def _specs(network: nn.Module, architecture: Architecture) -> Iterator[TensorSpe
     tensors = network.state_dict(keep_vars=True)
     names_of: dict[int, list[str]] = {}
     for name, tensor in tensors.items():
+        # By object: tied weights stand under several keys and are merged once.
         names_of.setdefault(id(tensor), []).append(name)
     for name, tensor in tensors.items():
         first, *aliases = names_of[id(tensor)]

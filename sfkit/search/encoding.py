@@ -162,6 +162,8 @@ class Encoding:
         left, strengths, right = np.linalg.svd(logits - u, full_matrices=False)
         factors = np.zeros((int(self.rank or 0), self.rows + len(self.sources)))
         for r in range(min(len(factors), len(strengths))):
+            # Each side takes the root of the strength: steps of CMA-ES, alike in all entries, then move both
+            # alike.
             half = math.sqrt(float(strengths[r]))
             factors[r] = np.concatenate([left[:, r] * half, right[r] * half])
         return np.concatenate([u, factors.ravel()])
@@ -211,6 +213,7 @@ class Encoding:
 
 def softmax(logits: Vector) -> tuple[float, ...]:
     """Weights on the simplex (eq. 10); equal logits give exactly 1/E each."""
+    # The largest power is 1, so that none overflows.
     powers = np.exp(logits - logits.max())
     return tuple(float(weight) for weight in powers / powers.sum())
 
@@ -223,6 +226,7 @@ def scale_of(s: float, gamma: tuple[float, float]) -> float:
     """
     low, high = gamma
     scale = 1.0 + (high - low) / 2.0 * math.tanh(s / 2.0)
+    # Rounding can carry 1 + half the range past a bound.
     return min(max(scale, low), high)
 
 

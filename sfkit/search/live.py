@@ -82,6 +82,7 @@ class LiveSearch:
         self._thread: threading.Thread | None = None
         self._error: str | None = None
         self._within = _NOTHING
+        # The pace is of what runs here: earlier candidates took none of this time.
         self._first = len(search.candidates)
         self._ran = 0.0
         self._since: float | None = None

@@ -88,6 +88,7 @@ def random_chromosome(space: SubsetSpace, rng: np.random.Generator) -> Chromosom
     """Draw a size k ~ Uniform(smallest, largest), then k distinct sources, in random order."""
     size = int(rng.integers(space.smallest, space.largest, endpoint=True))
     drawn = rng.choice(space.optional, size - len(space.required), replace=False)
+    # Sorted, since the order of a set is no part of the seed.
     genes = rng.permutation([*sorted(space.required), *drawn])
     return tuple(int(gene) for gene in genes)
 
@@ -188,4 +189,5 @@ def tournament(ranks: Sequence[tuple[float, int]], rng: np.random.Generator) -> 
 
 
 def _pick(options: Sequence[Option], rng: np.random.Generator) -> Option:
+    # Not rng.choice, which would make an array of them.
     return options[int(rng.integers(len(options)))]

@@ -53,6 +53,7 @@ def photograph(
     levels = 255.0 * toned
     if response.noise > 0.0:
         channels = 1 if grey else 3
+        # Photons: the variance grows with the signal. At mid-grey it is that of noise, 0.3 + 1.4 / 2 = 1.
         spread = response.noise * np.sqrt(0.3 + 1.4 * toned)
         levels = levels + spread * rng.standard_normal((*toned.shape[:2], channels))
     return np.asarray(np.clip(np.rint(levels), 0.0, 255.0), dtype=np.uint8)
@@ -68,5 +69,6 @@ def scan_lines(height: int, width: int, density: float, rng: Generator) -> Mask:
     """Where a scanner measured: every third row, each pixel by chance; ``density`` of all on average."""
     mask = np.zeros((height, width), dtype=bool)
     rows = mask[int(rng.integers(3)) :: 3]
+    # A third of the rows are scanned, so that each of their pixels is three times as likely.
     rows[:] = rng.random(rows.shape) < min(1.0, 3.0 * density)
     return mask

@@ -39,7 +39,9 @@ def synthetic_pair(
     domain: Domain, index: int, *, split: str = "train", height: int = HEIGHT, width: int = WIDTH
 ) -> SyntheticPair:
     """Pair ``index`` of a domain's ``train``, ``held-out`` or ``benchmark`` split; splits share no scene."""
+    # Python's own hash of a text differs from process to process.
     name = zlib.crc32(domain.name.encode())
+    # Two generators: another camera leaves the scene as it was.
     scene_seed, camera_seed = SeedSequence([SEED, name, SPLITS[split], index]).spawn(2)
     return rendered(domain, default_rng(scene_seed), default_rng(camera_seed), height, width)
 

@@ -178,6 +178,7 @@ class Composer:
         )
 
     def _tile(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+        # The order in which a table lists them must not decide what a seed draws.
         kinds = sorted(self.domain.textures)
         weights = np.array([self.domain.textures[kind] for kind in kinds])
         kind = str(self.rng.choice(kinds, p=weights / weights.sum()))

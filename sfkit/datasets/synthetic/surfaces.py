@@ -50,6 +50,7 @@ class DisparityField:
             return self.centre[0] + known / linear
         square = linear * linear - 4.0 * self.curve_x * known
         root = np.sqrt(np.where(square >= 0.0, square, np.nan))
+        # This form of the root takes no difference of like numbers, and holds where the curve is nearly none.
         return self.centre[0] + 2.0 * known / (linear + root)
 
     def _along_y(self, v: Array) -> Array:

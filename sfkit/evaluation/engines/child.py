@@ -79,4 +79,5 @@ def _follow(parent: int) -> None:
         readable, _, _ = select.select([STDIN], [], [], LOOK_SECONDS)
         if readable and not os.read(STDIN, 1):
             break
+    # sys.exit would end this thread alone.
     os._exit(0)

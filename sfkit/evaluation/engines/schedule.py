@@ -98,6 +98,7 @@ class Board:
         """The next images in order: an even share of all that is left, within one recipe."""
         number, start = divmod(self._next, self._images)
         left = self._recipes * self._images - self._next
+        # Rounded up: a share of no image would be handed out for ever.
         stop = min(self._images, start - (-left // self._workers))
         self._next += stop - start
         return ImageRange(number, start, stop)
