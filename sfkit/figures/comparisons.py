@@ -46,23 +46,21 @@ def comparison_figure(
         if not rows:
             continue
         intervals = [d.interval or (d.value, d.value) for _, d in rows]
-        figure.add_trace(
-            go.Scatter(
-                x=[d.value for _, d in rows],
-                y=[escape(network) for network, _ in rows],
-                mode="markers",
-                name=name,
-                marker={"symbol": symbol, "size": 10, "color": colour, "line": {"width": 2, "color": colour}},
-                error_x={
-                    "type": "data",
-                    "symmetric": False,
-                    "array": [high - d.value for (_, d), (_, high) in zip(rows, intervals, strict=True)],
-                    "arrayminus": [d.value - low for (_, d), (low, _) in zip(rows, intervals, strict=True)],
-                    "color": colour,
-                    "thickness": 2,
-                },
-                hovertemplate="%{y}: %{x:+.2f} " + comparison.unit + f"<extra>{name}</extra>",
-            )
+        figure.add_scatter(
+            x=[d.value for _, d in rows],
+            y=[escape(network) for network, _ in rows],
+            mode="markers",
+            name=name,
+            marker={"symbol": symbol, "size": 10, "color": colour, "line": {"width": 2, "color": colour}},
+            error_x={
+                "type": "data",
+                "symmetric": False,
+                "array": [high - d.value for (_, d), (_, high) in zip(rows, intervals, strict=True)],
+                "arrayminus": [d.value - low for (_, d), (low, _) in zip(rows, intervals, strict=True)],
+                "color": colour,
+                "thickness": 2,
+            },
+            hovertemplate="%{y}: %{x:+.2f} " + comparison.unit + f"<extra>{name}</extra>",
         )
     figure.add_vline(x=0.0, line={"color": look.muted, "dash": "dot", "width": 1}, layer="below")
     order = [escape(network) for network, _ in found]
@@ -166,33 +164,29 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
     ends = [d.interval or (d.value, d.value) for d in drawn]
     colours = [_colour(d, muted) for d in drawn]
     for difference, (low, high), colour in zip(drawn, ends, colours, strict=True):
-        figure.add_trace(
-            go.Scatter(
-                x=[low, high],
-                y=[difference.network] * 2,
-                mode="lines",
-                line={"color": colour, "width": 3},
-                hoverinfo="skip",
-                name="interval",
-            ),
+        figure.add_scatter(
+            x=[low, high],
+            y=[difference.network] * 2,
+            mode="lines",
+            line={"color": colour, "width": 3},
+            hoverinfo="skip",
+            name="interval",
             row=row,
             col=col,
         )
-    figure.add_trace(
-        go.Scatter(
-            x=[d.value for d in drawn],
-            y=[d.network for d in drawn],
-            mode="markers",
-            marker={
-                "size": 9,
-                "symbol": [_symbol(d) for d in drawn],
-                "color": colours,
-                "line": {"width": 2, "color": colours},
-            },
-            text=[escape(str(d)) for d in drawn],
-            hovertemplate="%{y}: %{text}<extra></extra>",
-            name="difference",
-        ),
+    figure.add_scatter(
+        x=[d.value for d in drawn],
+        y=[d.network for d in drawn],
+        mode="markers",
+        marker={
+            "size": 9,
+            "symbol": [_symbol(d) for d in drawn],
+            "color": colours,
+            "line": {"width": 2, "color": colours},
+        },
+        text=[escape(str(d)) for d in drawn],
+        hovertemplate="%{y}: %{text}<extra></extra>",
+        name="difference",
         row=row,
         col=col,
     )

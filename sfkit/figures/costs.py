@@ -35,10 +35,10 @@ def cost_figure(costs: Sequence[StageCost], *, theme: str = "auto", height: int 
         bar: dict[str, Any] = {"y": stages, "orientation": "h", "name": name, "legendgroup": name}
         bar["marker"] = {"color": colour, "line": {"width": 0}}
         hover = f"%{{y}}: %{{x:,}} {name}<extra></extra>"
-        figure.add_trace(go.Bar(x=evaluations, hovertemplate=hover, **bar), row=1, col=1)
+        figure.add_bar(x=evaluations, hovertemplate=hover, **bar, row=1, col=1)
         if seconds is not None:
             hover = f"%{{y}}: %{{x:.1f}} s {name}<extra></extra>"
-            figure.add_trace(go.Bar(x=seconds, hovertemplate=hover, showlegend=False, **bar), row=1, col=2)
+            figure.add_bar(x=seconds, hovertemplate=hover, showlegend=False, **bar, row=1, col=2)
     figure.update_yaxes(type="category", autorange="reversed")
     figure.update_yaxes(title_text="stage", row=1, col=1)
     figure.update_xaxes(title_text="candidates (number)", row=1, col=1)
@@ -68,7 +68,6 @@ def method_cost_figure(
     Raises:
         InputError: an unknown theme.
     """
-    read_theme(theme)
     figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.06)
     methods = [cost.method for cost in costs]
     parts = (
@@ -76,14 +75,12 @@ def method_cost_figure(
         (WARM, [cost.seconds for cost in costs], "wall time (s)", ".1f"),
     )
     for col, (colour, values, title, form) in enumerate(parts, start=1):
-        figure.add_trace(
-            go.Bar(
-                x=values,
-                y=methods,
-                orientation="h",
-                marker={"color": colour, "line": {"width": 0}},
-                hovertemplate=f"%{{y}}: %{{x:{form}}}<extra></extra>",
-            ),
+        figure.add_bar(
+            x=values,
+            y=methods,
+            orientation="h",
+            marker={"color": colour, "line": {"width": 0}},
+            hovertemplate=f"%{{y}}: %{{x:{form}}}<extra></extra>",
             row=1,
             col=col,
         )

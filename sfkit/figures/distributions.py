@@ -106,17 +106,15 @@ def _add(
     marker: Mapping[str, object] | None = None,
     legend: bool = True,
 ) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=x,
-            y=y,
-            mode=mode,
-            line=line,
-            marker=marker,
-            name=name,
-            showlegend=legend,
-            hovertemplate=f"evaluation %{{x}}: %{{y:.4g}}<extra>{name}</extra>",
-        ),
+    figure.add_scatter(
+        x=x,
+        y=y,
+        mode=mode,
+        line=line,
+        marker=marker,
+        name=name,
+        showlegend=legend,
+        hovertemplate=f"evaluation %{{x}}: %{{y:.4g}}<extra>{name}</extra>",
         row=row,
         col=1,
     )

@@ -66,27 +66,25 @@ def population_figure(
 
 def _share_over_time(figure: go.Figure, history: PopulationHistory, part: float) -> None:
     rows = drawn_points(history.generations).tolist()
-    figure.add_trace(
-        go.Heatmap(
-            x=list(history.sources),
-            y=rows,
-            z=[[100.0 * share for share in history.share[row]] for row in rows],
-            zmin=0,
-            zmax=100,
-            colorscale=[[0, "rgba(43,123,211,0.08)"], [1, ACCENT]],
-            xgap=2,
-            ygap=1,
-            colorbar={
-                "title": {"text": "have the source (%)", "side": "right"},
-                "thickness": 12,
-                "len": part,
-                "y": 1.0,
-                "yanchor": "top",
-                "outlinewidth": 0,
-            },
-            name="share",
-            hovertemplate="generation %{y}<br>%{x}: %{z:.0f} % of the individuals<extra></extra>",
-        ),
+    figure.add_heatmap(
+        x=list(history.sources),
+        y=rows,
+        z=[[100.0 * share for share in history.share[row]] for row in rows],
+        zmin=0,
+        zmax=100,
+        colorscale=[[0, "rgba(43,123,211,0.08)"], [1, ACCENT]],
+        xgap=2,
+        ygap=1,
+        colorbar={
+            "title": {"text": "have the source (%)", "side": "right"},
+            "thickness": 12,
+            "len": part,
+            "y": 1.0,
+            "yanchor": "top",
+            "outlinewidth": 0,
+        },
+        name="share",
+        hovertemplate="generation %{y}<br>%{x}: %{z:.0f} % of the individuals<extra></extra>",
         row=1,
         col=1,
     )
@@ -99,16 +97,14 @@ def _score_over_time(figure: go.Figure, history: PopulationHistory) -> None:
     )
     for name, scores, line in lines:
         rows = [row for row in drawn_points(len(scores)).tolist() if math.isfinite(scores[row])]
-        figure.add_trace(
-            go.Scatter(
-                x=[scores[row] for row in rows],
-                y=rows,
-                mode="lines+markers",
-                marker={"size": 5, "color": line["color"]},
-                line=line,
-                name=name,
-                hovertemplate="generation %{y}: %{x:.3f}<extra>" + name + "</extra>",
-            ),
+        figure.add_scatter(
+            x=[scores[row] for row in rows],
+            y=rows,
+            mode="lines+markers",
+            marker={"size": 5, "color": line["color"]},
+            line=line,
+            name=name,
+            hovertemplate="generation %{y}: %{x:.3f}<extra>" + name + "</extra>",
             row=1,
             col=2,
         )
@@ -118,21 +114,19 @@ def _membership(
     figure: go.Figure, history: PopulationHistory, shown: Sequence[Individual], theme: str
 ) -> None:
     faint = LOOKS[read_theme(theme)].faint
-    figure.add_trace(
-        go.Heatmap(
-            x=list(history.sources),
-            y=list(range(1, len(shown) + 1)),
-            z=[[int(name in one.subset) for name in history.sources] for one in shown],
-            zmin=0,
-            zmax=1,
-            colorscale=[[0, faint], [1, ACCENT]],
-            showscale=False,
-            xgap=2,
-            ygap=1,
-            name="membership",
-            text=[[_described(one, history.metric)] * len(history.sources) for one in shown],
-            hovertemplate="%{text}<extra></extra>",
-        ),
+    figure.add_heatmap(
+        x=list(history.sources),
+        y=list(range(1, len(shown) + 1)),
+        z=[[int(name in one.subset) for name in history.sources] for one in shown],
+        zmin=0,
+        zmax=1,
+        colorscale=[[0, faint], [1, ACCENT]],
+        showscale=False,
+        xgap=2,
+        ygap=1,
+        name="membership",
+        text=[[_described(one, history.metric)] * len(history.sources) for one in shown],
+        hovertemplate="%{text}<extra></extra>",
         row=2,
         col=1,
     )
@@ -148,16 +142,14 @@ def _scores(figure: go.Figure, history: PopulationHistory, shown: Sequence[Indiv
         (FAILED_NAME, failed, {"symbol": "x", "size": 8, "color": FAILED}),
     ):
         if group:
-            figure.add_trace(
-                go.Scatter(
-                    x=[edge if one.failed else one.score for _, one in group],
-                    y=[rank for rank, _ in group],
-                    mode="markers",
-                    marker=marker,
-                    name=name,
-                    text=[_described(one, history.metric) for _, one in group],
-                    hovertemplate="%{text}<extra></extra>",
-                ),
+            figure.add_scatter(
+                x=[edge if one.failed else one.score for _, one in group],
+                y=[rank for rank, _ in group],
+                mode="markers",
+                marker=marker,
+                name=name,
+                text=[_described(one, history.metric) for _, one in group],
+                hovertemplate="%{text}<extra></extra>",
                 row=2,
                 col=2,
             )
@@ -254,16 +246,14 @@ def _over_time(
     figure: go.Figure, row: int, name: str, values: tuple[float, ...], line: Mapping[str, object]
 ) -> None:
     drawn = drawn_points(len(values)).tolist()
-    figure.add_trace(
-        go.Scatter(
-            x=drawn,
-            y=[values[n] for n in drawn],
-            mode="lines+markers" if len(drawn) == 1 else "lines",
-            line=line,
-            name=name,
-            showlegend=row == 1,  # diversity is alone in its panel, whose axis names it
-            hovertemplate="generation %{x}: %{y:.3g}<extra>" + name + "</extra>",
-        ),
+    figure.add_scatter(
+        x=drawn,
+        y=[values[n] for n in drawn],
+        mode="lines+markers" if len(drawn) == 1 else "lines",
+        line=line,
+        name=name,
+        showlegend=row == 1,  # diversity is alone in its panel, whose axis names it
+        hovertemplate="generation %{x}: %{y:.3g}<extra>" + name + "</extra>",
         row=row,
         col=1,
     )
@@ -274,21 +264,19 @@ def _archive(figure: go.Figure, evolution: Evolution, best: tuple[int, ...], fai
     sources, metric = evolution.history.sources, evolution.history.metric
     people = [evolution.individuals[number] for number in best]
     ranks = list(range(1, len(people) + 1))
-    figure.add_trace(
-        go.Heatmap(
-            x=list(sources),
-            y=ranks,
-            z=[[int(name in one.subset) for name in sources] for one in people],
-            zmin=0,
-            zmax=1,
-            colorscale=[[0, faint], [1, ACCENT]],
-            showscale=False,
-            xgap=2,
-            ygap=2,
-            name="archive",
-            text=[[", ".join(one.subset)] * len(sources) for one in people],
-            hovertemplate="%{text}<extra></extra>",
-        ),
+    figure.add_heatmap(
+        x=list(sources),
+        y=ranks,
+        z=[[int(name in one.subset) for name in sources] for one in people],
+        zmin=0,
+        zmax=1,
+        colorscale=[[0, faint], [1, ACCENT]],
+        showscale=False,
+        xgap=2,
+        ygap=2,
+        name="archive",
+        text=[[", ".join(one.subset)] * len(sources) for one in people],
+        hovertemplate="%{text}<extra></extra>",
         row=1,
         col=2,
     )

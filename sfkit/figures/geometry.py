@@ -9,7 +9,7 @@ from plotly.subplots import make_subplots
 from sfkit.analysis.geometry import TaskVectorGeometry
 from sfkit.colours import OPPOSED, SHARE
 from sfkit.figures.heatmaps import CELL, matrix
-from sfkit.figures.theme import finish, read_theme
+from sfkit.figures.theme import finish
 
 
 def geometry_figure(
@@ -25,7 +25,6 @@ def geometry_figure(
     Raises:
         InputError: an unknown theme.
     """
-    read_theme(theme)
     sources = geometry.sources
     labels = [
         f"{block}<br>{100 * share:.0f} % conflict"

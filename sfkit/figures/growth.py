@@ -33,27 +33,23 @@ def population_sizes_figure(
     for col, (values, colour, name, form) in enumerate(panels, 1):
         dots = [(size, float(v)) for size, row in zip(sizes, values, strict=True) for v in row]
         hover = f"M = %{{x}}: {form}<extra>{name}</extra>"
-        figure.add_trace(
-            go.Scatter(
-                x=[x for x, _ in dots],
-                y=[y for _, y in dots],
-                mode="markers",
-                marker={"size": 6, "color": colour, "opacity": 0.55},
-                name=f"{name}, a seed",
-                hovertemplate=hover,
-            ),
+        figure.add_scatter(
+            x=[x for x, _ in dots],
+            y=[y for _, y in dots],
+            mode="markers",
+            marker={"size": 6, "color": colour, "opacity": 0.55},
+            name=f"{name}, a seed",
+            hovertemplate=hover,
             row=1,
             col=col,
         )
-        figure.add_trace(
-            go.Scatter(
-                x=sizes,
-                y=values.mean(axis=1).tolist(),
-                mode="lines",
-                line={"color": colour, "width": 2},
-                name=f"{name}, mean",
-                hovertemplate=hover,
-            ),
+        figure.add_scatter(
+            x=sizes,
+            y=values.mean(axis=1).tolist(),
+            mode="lines",
+            line={"color": colour, "width": 2},
+            name=f"{name}, mean",
+            hovertemplate=hover,
             row=1,
             col=col,
         )

@@ -37,7 +37,6 @@ def interpolation_figure(
     Raises:
         InputError: no curve, or an unknown theme.
     """
-    read_theme(theme)
     if not curves:
         raise InputError("interpolation: found no curve, expected at least one to draw")
     benchmarks = list(dict.fromkeys(curve.benchmark for curve in curves))
@@ -87,8 +86,11 @@ def _apart(
             if other is not curve:
                 line = {"color": faint, "width": 1}
                 hidden = {"mode": "lines", "hoverinfo": "skip", "showlegend": False}
-                figure.add_trace(
-                    go.Scatter(x=other.positions.tolist(), y=other.scores.tolist(), line=line, **hidden),
+                figure.add_scatter(
+                    x=other.positions.tolist(),
+                    y=other.scores.tolist(),
+                    line=line,
+                    **hidden,
                     **place,
                 )
         _line(figure, curve, 0, place["col"], row=place["row"])
@@ -111,18 +113,16 @@ def _line(figure: go.Figure, curve: InterpolationCurve, number: int, col: int, *
     finite = np.isfinite(curve.scores)
     at, scores = curve.positions[finite], curve.scores[finite]
     best = scores.argmin() if scores.size else -1
-    figure.add_trace(
-        go.Scatter(
-            x=at.tolist(),
-            y=scores.tolist(),
-            mode="lines+markers",
-            line={**series_style(number), "width": 2},
-            marker={"size": [9 if n == best else 0 for n in range(len(at))]},
-            name=escape(curve.name),
-            legendgroup=curve.name,
-            showlegend=col == 1,
-            hovertemplate="%{x:.2f}: %{y:.2f}<extra>" + escape(curve.name) + "</extra>",
-        ),
+    figure.add_scatter(
+        x=at.tolist(),
+        y=scores.tolist(),
+        mode="lines+markers",
+        line={**series_style(number), "width": 2},
+        marker={"size": [9 if n == best else 0 for n in range(len(at))]},
+        name=escape(curve.name),
+        legendgroup=curve.name,
+        showlegend=col == 1,
+        hovertemplate="%{x:.2f}: %{y:.2f}<extra>" + escape(curve.name) + "</extra>",
         row=row,
         col=col,
     )

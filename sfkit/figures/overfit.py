@@ -46,18 +46,16 @@ def learning_figure(curve: LearningCurve, *, theme: str = "auto", height: int | 
                     "width": 3,
                 }
             if drawn:
-                figure.add_trace(
-                    go.Scatter(
-                        x=[curve.places[k] for k in drawn],
-                        y=[float(values[k]) for k in drawn],
-                        error_y=whiskers,
-                        mode="lines+markers",
-                        line={"color": colour, "width": 2 if kind == "unseen" else 1, "dash": dash},
-                        marker={"size": 6 if kind == "unseen" else 4},
-                        name=f"{name}, {kind}",
-                        legendgroup=name,
-                        hovertemplate=f"%{{x}}: %{{y:+.2f}}<extra>{name}, {kind}</extra>",
-                    )
+                figure.add_scatter(
+                    x=[curve.places[k] for k in drawn],
+                    y=[float(values[k]) for k in drawn],
+                    error_y=whiskers,
+                    mode="lines+markers",
+                    line={"color": colour, "width": 2 if kind == "unseen" else 1, "dash": dash},
+                    marker={"size": 6 if kind == "unseen" else 4},
+                    name=f"{name}, {kind}",
+                    legendgroup=name,
+                    hovertemplate=f"%{{x}}: %{{y:+.2f}}<extra>{name}, {kind}</extra>",
                 )
     figure.add_hline(y=0.0, line={"color": muted, "width": 1, "dash": "dot"}, layer="below")
     figure.update_xaxes(title_text=place)

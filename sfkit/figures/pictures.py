@@ -73,22 +73,20 @@ def add_colour_bar(
     }
     if ticks is not None:
         bar |= {"tickvals": ticks[0], "ticktext": ticks[1]}
-    figure.add_trace(
-        go.Scatter(
-            x=[None],
-            y=[None],
-            mode="markers",
-            marker={
-                "color": [limits[0]],
-                "cmin": limits[0],
-                "cmax": limits[1],
-                "colorscale": plotly_scale(stops),
-                "showscale": True,
-                "colorbar": bar,
-            },
-            name=title,
-            hoverinfo="skip",
-        ),
+    figure.add_scatter(
+        x=[None],
+        y=[None],
+        mode="markers",
+        marker={
+            "color": [limits[0]],
+            "cmin": limits[0],
+            "cmax": limits[1],
+            "colorscale": plotly_scale(stops),
+            "showscale": True,
+            "colorbar": bar,
+        },
+        name=title,
+        hoverinfo="skip",
         row=1,
         col=1,
     )

@@ -32,7 +32,6 @@ def predictions_figure(told: Predictions, *, theme: str = "auto", height: int = 
     Raises:
         InputError: no proposal, or an unknown theme.
     """
-    read_theme(theme)
     if not len(told):
         raise InputError(
             "predictions: found no proposal of a model, expected at least one: search with "
@@ -91,17 +90,15 @@ def calibration_figure(found: Calibration, *, theme: str = "auto", height: int =
 
 
 def _band(figure: go.Figure, numbers: list[int], low: np.ndarray, high: np.ndarray) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=[*numbers, *reversed(numbers)],
-            y=[*high.tolist(), *low[::-1].tolist()],
-            mode="lines",
-            line={"width": 0},
-            fill="toself",
-            fillcolor=BAND,
-            name="95 % interval",
-            hoverinfo="skip",
-        ),
+    figure.add_scatter(
+        x=[*numbers, *reversed(numbers)],
+        y=[*high.tolist(), *low[::-1].tolist()],
+        mode="lines",
+        line={"width": 0},
+        fill="toself",
+        fillcolor=BAND,
+        name="95 % interval",
+        hoverinfo="skip",
         row=1,
         col=1,
     )
@@ -117,16 +114,14 @@ def _line(
     spread: list[float] | None = None,
 ) -> None:
     more = " ± %{customdata:.3g}" if spread else ""
-    figure.add_trace(
-        go.Scatter(
-            x=x,
-            y=list(y),
-            mode="lines" if len(x) > 1 else "lines+markers",
-            line=line,
-            name=name,
-            customdata=spread,
-            hovertemplate=f"candidate %{{x}}: %{{y:.4g}}{more}<extra>{name}</extra>",
-        ),
+    figure.add_scatter(
+        x=x,
+        y=list(y),
+        mode="lines" if len(x) > 1 else "lines+markers",
+        line=line,
+        name=name,
+        customdata=spread,
+        hovertemplate=f"candidate %{{x}}: %{{y:.4g}}{more}<extra>{name}</extra>",
         row=row,
         col=1,
     )
@@ -141,18 +136,16 @@ def _measured(figure: go.Figure, told: Predictions, drawn: list[int]) -> None:
         (failed, [edge] * len(failed), FAILED_NAME, {"size": 8, "color": FAILED, "symbol": "x"}),
     ):
         if group:
-            figure.add_trace(
-                go.Scatter(
-                    x=told.number[group].tolist(),
-                    y=values,
-                    mode="markers",
-                    marker=marker,
-                    name=name,
-                    hovertemplate=(
-                        f"candidate %{{x}}<extra>{name}</extra>"
-                        if name == FAILED_NAME
-                        else f"candidate %{{x}}: %{{y:.4g}}<extra>{name}</extra>"
-                    ),
+            figure.add_scatter(
+                x=told.number[group].tolist(),
+                y=values,
+                mode="markers",
+                marker=marker,
+                name=name,
+                hovertemplate=(
+                    f"candidate %{{x}}<extra>{name}</extra>"
+                    if name == FAILED_NAME
+                    else f"candidate %{{x}}: %{{y:.4g}}<extra>{name}</extra>"
                 ),
                 row=1,
                 col=1,
@@ -164,30 +157,26 @@ def _against(figure: go.Figure, found: Calibration, muted: str) -> None:
         float(min((found.mean - found.sd).min(), found.score.min())),
         float(max((found.mean + found.sd).max(), found.score.max())),
     ]
-    figure.add_trace(
-        go.Scatter(
-            x=ends,
-            y=ends,
-            mode="lines",
-            line={"color": muted, "dash": "dash", "width": 1},
-            name="as predicted",
-            hoverinfo="skip",
-        ),
+    figure.add_scatter(
+        x=ends,
+        y=ends,
+        mode="lines",
+        line={"color": muted, "dash": "dash", "width": 1},
+        name="as predicted",
+        hoverinfo="skip",
         row=1,
         col=1,
     )
-    figure.add_trace(
-        go.Scatter(
-            x=found.mean.tolist(),
-            y=found.score.tolist(),
-            error_x={"array": found.sd.tolist(), "color": muted, "thickness": 1, "width": 2},
-            mode="markers",
-            marker={"size": 6, "color": ACCENT},
-            name="proposal, ± 1 standard deviation",
-            customdata=np.stack([found.number, found.sd], axis=1).tolist(),
-            hovertemplate="candidate %{customdata[0]:.0f}<br>predicted %{x:.4g} ± %{customdata[1]:.3g}<br>"
-            "measured %{y:.4g}<extra></extra>",
-        ),
+    figure.add_scatter(
+        x=found.mean.tolist(),
+        y=found.score.tolist(),
+        error_x={"array": found.sd.tolist(), "color": muted, "thickness": 1, "width": 2},
+        mode="markers",
+        marker={"size": 6, "color": ACCENT},
+        name="proposal, ± 1 standard deviation",
+        customdata=np.stack([found.number, found.sd], axis=1).tolist(),
+        hovertemplate="candidate %{customdata[0]:.0f}<br>predicted %{x:.4g} ± %{customdata[1]:.3g}<br>"
+        "measured %{y:.4g}<extra></extra>",
         row=1,
         col=1,
     )
@@ -196,17 +185,15 @@ def _against(figure: go.Figure, found: Calibration, muted: str) -> None:
 def _coverage(figure: go.Figure, found: Calibration, muted: str) -> None:
     levels = [100.0 * level for level in found.levels]
     low, high = ([100.0 * end for end in ends] for ends in zip(*found.honest, strict=True))
-    figure.add_trace(
-        go.Scatter(
-            x=[*levels, *reversed(levels)],
-            y=[*high, *reversed(low)],
-            mode="lines",
-            line={"width": 0},
-            fill="toself",
-            fillcolor="rgba(128,128,128,0.18)",
-            name="where an honest model's would be",
-            hoverinfo="skip",
-        ),
+    figure.add_scatter(
+        x=[*levels, *reversed(levels)],
+        y=[*high, *reversed(low)],
+        mode="lines",
+        line={"width": 0},
+        fill="toself",
+        fillcolor="rgba(128,128,128,0.18)",
+        name="where an honest model's would be",
+        hoverinfo="skip",
         row=1,
         col=2,
     )
@@ -214,16 +201,14 @@ def _coverage(figure: go.Figure, found: Calibration, muted: str) -> None:
         ([0.0, 100.0], [0.0, 100.0], "as many as promised", "lines", {"color": muted, "dash": "dash"}),
         (levels, [100.0 * c for c in found.coverage], "inside", "lines+markers", {"color": ACCENT}),
     ):
-        figure.add_trace(
-            go.Scatter(
-                x=x,
-                y=y,
-                mode=mode,
-                line={"width": 2 if name == "inside" else 1, **style},
-                name=name,
-                showlegend=name == "inside",
-                hovertemplate=f"%{{x:.0f}} % interval: %{{y:.0f}} % {name}<extra></extra>",
-            ),
+        figure.add_scatter(
+            x=x,
+            y=y,
+            mode=mode,
+            line={"width": 2 if name == "inside" else 1, **style},
+            name=name,
+            showlegend=name == "inside",
+            hovertemplate=f"%{{x:.0f}} % interval: %{{y:.0f}} % {name}<extra></extra>",
             row=1,
             col=2,
         )

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from sfkit.analysis.labels import points
 from sfkit.analysis.probes import BlockProbes
 from sfkit.figures.heatmaps import CELL, matrix
-from sfkit.figures.theme import finish, read_theme
+from sfkit.figures.theme import finish
 
 
 def probes_figure(probes: BlockProbes, *, theme: str = "auto", height: int | None = None) -> go.Figure:
@@ -22,7 +22,6 @@ def probes_figure(probes: BlockProbes, *, theme: str = "auto", height: int | Non
     Raises:
         InputError: an unknown theme.
     """
-    read_theme(theme)
     unit = points(probes.unit, full=True)
     figure = go.Figure(
         matrix(

@@ -83,4 +83,4 @@ def _frame(figure: go.Figure, size: tuple[int, int], row: int, column: int) -> N
     bare = {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
     figure.update_xaxes(range=[0, size[1]], row=row, col=column, **bare)
     figure.update_yaxes(range=[size[0], 0], row=row, col=column, **bare)
-    figure.add_trace(go.Scatter(x=[None], y=[None], hoverinfo="skip"), row=row, col=column)
+    figure.add_scatter(x=[None], y=[None], hoverinfo="skip", row=row, col=column)

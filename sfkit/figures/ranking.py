@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 from sfkit.analysis.labels import metric_label, points
 from sfkit.analysis.ranking import Ranking
 from sfkit.errors import InputError
-from sfkit.figures.theme import ACCENT, WARM, finish, read_theme
+from sfkit.figures.theme import ACCENT, WARM, finish
 
 BEST, PICK = "the best there is", "picked without labels"
 
@@ -30,7 +30,6 @@ def ranking_figure(
     Raises:
         InputError: no ranking, or an unknown theme.
     """
-    read_theme(theme)
     if not rankings:
         raise InputError("ranking: found no benchmark, expected at least one to draw")
     titles = [f"{escape(one.benchmark)}: {one.agreement.correlation:.2f}" for one in rankings]
@@ -60,18 +59,16 @@ def _dots(figure: go.Figure, one: Ranking, col: int) -> None:
         ([one.picked], WARM, "diamond", 10, PICK),
     )
     for places, colour, symbol, size, name in marked:
-        figure.add_trace(
-            go.Scatter(
-                x=one.census[places].tolist(),
-                y=one.truth[places].tolist(),
-                mode="markers",
-                marker={"color": colour, "symbol": symbol, "size": size, "line": {"width": 2 * (size > 6)}},
-                name=name,
-                legendgroup=name,
-                showlegend=col == 1,
-                text=[escape(text) for text in np.array(one.networks)[places]],
-                hovertemplate="%{text}<br>%{x:.2f} without, %{y:.2f} with labels<extra></extra>",
-            ),
+        figure.add_scatter(
+            x=one.census[places].tolist(),
+            y=one.truth[places].tolist(),
+            mode="markers",
+            marker={"color": colour, "symbol": symbol, "size": size, "line": {"width": 2 * (size > 6)}},
+            name=name,
+            legendgroup=name,
+            showlegend=col == 1,
+            text=[escape(text) for text in np.array(one.networks)[places]],
+            hovertemplate="%{text}<br>%{x:.2f} without, %{y:.2f} with labels<extra></extra>",
             row=1,
             col=col,
         )

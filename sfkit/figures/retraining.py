@@ -7,7 +7,7 @@ from html import escape
 import plotly.graph_objects as go
 
 from sfkit.analysis.retraining import Retraining
-from sfkit.figures.theme import ACCENT, WARM, finish, read_theme
+from sfkit.figures.theme import ACCENT, WARM, finish
 
 
 def teaser_figure(record: Retraining, *, theme: str = "auto", height: int = 420) -> go.Figure:
@@ -22,24 +22,21 @@ def teaser_figure(record: Retraining, *, theme: str = "auto", height: int = 420)
     Raises:
         InputError: an unknown theme.
     """
-    read_theme(theme)
     figure = go.Figure()
     for name, joint, symbol, colour in (
         ("trained on all data", True, "square", WARM),
         ("merged", False, "circle", ACCENT),
     ):
         ways = [way for way in record.ways if way.joint is joint and way.seconds == way.seconds]
-        figure.add_trace(
-            go.Scatter(
-                x=[way.seconds / 60.0 for way in ways],
-                y=[way.score for way in ways],
-                mode="markers+text",
-                name=name,
-                text=[escape(way.name) for way in ways],
-                textposition="top center",
-                marker={"symbol": symbol, "size": 13, "color": colour},
-                hovertemplate="%{text}: %{y:.2f} in %{x:.1f} minutes<extra></extra>",
-            )
+        figure.add_scatter(
+            x=[way.seconds / 60.0 for way in ways],
+            y=[way.score for way in ways],
+            mode="markers+text",
+            name=name,
+            text=[escape(way.name) for way in ways],
+            textposition="top center",
+            marker={"symbol": symbol, "size": 13, "color": colour},
+            hovertemplate="%{text}: %{y:.2f} in %{x:.1f} minutes<extra></extra>",
         )
     figure.update_xaxes(type="log", title_text="time once the new data are there (minutes, log)")
     figure.update_yaxes(title_text=f"mean error ({record.unit})")

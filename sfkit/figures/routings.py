@@ -129,35 +129,31 @@ def _chosen(trace: RoutingTrace, evaluation: int | None) -> int:
 def _heatmap(figure: go.Figure, trace: RoutingTrace, chosen: int) -> None:
     weights, scales = trace.weights[chosen], trace.scales[chosen]
     rows = [f"{block} (× {scale:.2f})" for block, scale in zip(trace.blocks, scales, strict=True)]
-    figure.add_trace(
-        go.Heatmap(
-            x=list(trace.sources),
-            y=rows,
-            z=weights.tolist(),
-            zmin=0,
-            zmax=1,
-            colorscale=share_scale(),
-            showscale=False,
-            xgap=2,
-            ygap=2,
-            name="routing weight",
-            hovertemplate="%{y}<br>%{x}: weight %{z:.4f}<extra></extra>",
-        ),
+    figure.add_heatmap(
+        x=list(trace.sources),
+        y=rows,
+        z=weights.tolist(),
+        zmin=0,
+        zmax=1,
+        colorscale=share_scale(),
+        showscale=False,
+        xgap=2,
+        ygap=2,
+        name="routing weight",
+        hovertemplate="%{y}<br>%{x}: weight %{z:.4f}<extra></extra>",
         row=1,
         col=1,
     )
     cells = [(e, b) for b in range(len(rows)) for e in range(len(trace.sources))]
-    figure.add_trace(
-        go.Scatter(
-            x=[trace.sources[e] for e, _ in cells],
-            y=[rows[b] for _, b in cells],
-            text=[f"{weights[b, e]:.2f}" for e, b in cells],
-            mode="text",
-            textfont={"color": [_text_colour(float(weights[b, e])) for e, b in cells]},
-            hoverinfo="skip",
-            showlegend=False,
-            name="weight in figures",
-        ),
+    figure.add_scatter(
+        x=[trace.sources[e] for e, _ in cells],
+        y=[rows[b] for _, b in cells],
+        text=[f"{weights[b, e]:.2f}" for e, b in cells],
+        mode="text",
+        textfont={"color": [_text_colour(float(weights[b, e])) for e, b in cells]},
+        hoverinfo="skip",
+        showlegend=False,
+        name="weight in figures",
         row=1,
         col=1,
     )
@@ -181,32 +177,28 @@ def _over_time(
 ) -> None:
     """Candidates as dots, the value the best so far has as a line of steps; nothing before there is one."""
     drawn = trace.drawn().tolist()
-    figure.add_trace(
-        go.Scatter(
-            x=drawn,
-            y=values[drawn].tolist(),
-            mode="markers",
-            marker={"size": 4, "color": style["color"], "opacity": 0.5},
-            name=name,
-            legendgroup=name,
-            showlegend=False,
-            hovertemplate=f"evaluation %{{x}}: %{{y:.3f}}<extra>{name}</extra>",
-        ),
+    figure.add_scatter(
+        x=drawn,
+        y=values[drawn].tolist(),
+        mode="markers",
+        marker={"size": 4, "color": style["color"], "opacity": 0.5},
+        name=name,
+        legendgroup=name,
+        showlegend=False,
+        hovertemplate=f"evaluation %{{x}}: %{{y:.3f}}<extra>{name}</extra>",
         row=row,
         col=column,
     )
     led = [n for n in drawn if trace.incumbent[n] >= 0]
-    figure.add_trace(
-        go.Scatter(
-            x=led,
-            y=[float(values[trace.incumbent[n]]) for n in led],
-            mode="lines",
-            line={"shape": "hv", "width": 2, **style},
-            name=name,
-            legendgroup=name,
-            showlegend=legend,
-            hovertemplate=f"best so far at %{{x}}: %{{y:.3f}}<extra>{name}</extra>",
-        ),
+    figure.add_scatter(
+        x=led,
+        y=[float(values[trace.incumbent[n]]) for n in led],
+        mode="lines",
+        line={"shape": "hv", "width": 2, **style},
+        name=name,
+        legendgroup=name,
+        showlegend=legend,
+        hovertemplate=f"best so far at %{{x}}: %{{y:.3f}}<extra>{name}</extra>",
         row=row,
         col=column,
     )

@@ -80,15 +80,13 @@ def _panel(
     missing = [n for n in range(len(values)) if not np.isfinite(values[n])]
     if missing:
         edge = beyond(values.tolist())
-        figure.add_trace(
-            go.Scatter(
-                x=[edge] * len(missing),
-                y=[grid.networks[n] for n in missing],
-                mode="markers",
-                marker={"symbol": "x", "size": 9, "color": FAILED},
-                name=FAILED_NAME,
-                hovertemplate=f"%{{y}}<extra>{FAILED_NAME}</extra>",
-            ),
+        figure.add_scatter(
+            x=[edge] * len(missing),
+            y=[grid.networks[n] for n in missing],
+            mode="markers",
+            marker={"symbol": "x", "size": 9, "color": FAILED},
+            name=FAILED_NAME,
+            hovertemplate=f"%{{y}}<extra>{FAILED_NAME}</extra>",
             row=row,
             col=col,
         )
@@ -110,20 +108,18 @@ def _dots(
         return
     best = values[finite].min()
     colours = [WARM if values[n] == best else ACCENT for n in finite]
-    figure.add_trace(
-        go.Scatter(
-            x=values[finite].tolist(),
-            y=[grid.networks[n] for n in finite],
-            mode="markers",
-            marker={
-                "size": 9,
-                "symbol": ["circle" if values[n] == best else "circle-open" for n in finite],
-                "color": colours,
-                "line": {"width": 2, "color": colours},
-            },
-            name=f"{escape(column.benchmark)} {column.metric}",
-            hovertemplate=f"%{{y}}: %{{x:.2f}} {column.unit}<extra></extra>",
-        ),
+    figure.add_scatter(
+        x=values[finite].tolist(),
+        y=[grid.networks[n] for n in finite],
+        mode="markers",
+        marker={
+            "size": 9,
+            "symbol": ["circle" if values[n] == best else "circle-open" for n in finite],
+            "color": colours,
+            "line": {"width": 2, "color": colours},
+        },
+        name=f"{escape(column.benchmark)} {column.metric}",
+        hovertemplate=f"%{{y}}: %{{x:.2f}} {column.unit}<extra></extra>",
         row=row,
         col=col,
     )

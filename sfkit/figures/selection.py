@@ -25,7 +25,6 @@ def selection_figure(
     Raises:
         InputError: an unknown theme.
     """
-    read_theme(theme)
     sources = list(statistics.sources)
     lower = CELL * len(statistics.runs)
     figure = make_subplots(
@@ -40,14 +39,12 @@ def selection_figure(
         ("weight when chosen", WARM, 100.0 * np.nan_to_num(statistics.weight_when_chosen)),
     )
     for name, colour, values in bars:
-        figure.add_trace(
-            go.Bar(
-                x=sources,
-                y=values.tolist(),
-                name=name,
-                marker={"color": colour, "line": {"width": 0}},
-                hovertemplate=f"%{{x}}: %{{y:.0f}} % {name}<extra></extra>",
-            ),
+        figure.add_bar(
+            x=sources,
+            y=values.tolist(),
+            name=name,
+            marker={"color": colour, "line": {"width": 0}},
+            hovertemplate=f"%{{x}}: %{{y:.0f}} % {name}<extra></extra>",
             row=1,
             col=1,
         )
@@ -105,10 +102,13 @@ def rivals_figure(
         own, other = table[name], table[f"its {name}"]
         for x0, x1, source in zip(own, other, table.index, strict=True):
             line = {"color": muted, "width": 1}
-            figure.add_trace(
-                go.Scatter(
-                    x=[x0, x1], y=[source] * 2, mode="lines", line=line, hoverinfo="skip", showlegend=False
-                ),
+            figure.add_scatter(
+                x=[x0, x1],
+                y=[source] * 2,
+                mode="lines",
+                line=line,
+                hoverinfo="skip",
+                showlegend=False,
                 row=1,
                 col=col,
             )
@@ -116,23 +116,21 @@ def rivals_figure(
             (other, "its strongest competitor", "diamond-open", WARM),
             (own, "the source", "circle", ACCENT),
         ):
-            figure.add_trace(
-                go.Scatter(
-                    x=values.tolist(),
-                    y=table.index.tolist(),
-                    mode="markers",
-                    name=label,
-                    legendgroup=label,
-                    showlegend=col == 1,
-                    marker={
-                        "symbol": symbol,
-                        "size": 10,
-                        "color": colour,
-                        "line": {"color": colour, "width": 2},
-                    },
-                    text=table["strongest other"].tolist() if values is other else table.index.tolist(),
-                    hovertemplate="%{text}: %{x:.0f} %<extra>" + label + "</extra>",
-                ),
+            figure.add_scatter(
+                x=values.tolist(),
+                y=table.index.tolist(),
+                mode="markers",
+                name=label,
+                legendgroup=label,
+                showlegend=col == 1,
+                marker={
+                    "symbol": symbol,
+                    "size": 10,
+                    "color": colour,
+                    "line": {"color": colour, "width": 2},
+                },
+                text=table["strongest other"].tolist() if values is other else table.index.tolist(),
+                hovertemplate="%{text}: %{x:.0f} %<extra>" + label + "</extra>",
                 row=1,
                 col=col,
             )

@@ -11,7 +11,7 @@ from sfkit.analysis.similarity import DataSimilarity
 from sfkit.colours import SHARE
 from sfkit.errors import InputError
 from sfkit.figures.heatmaps import CELL, matrix
-from sfkit.figures.theme import finish, read_theme
+from sfkit.figures.theme import finish
 
 
 def similarity_figure(
@@ -28,7 +28,6 @@ def similarity_figure(
     Raises:
         InputError: none to draw, or an unknown theme.
     """
-    read_theme(theme)
     if not similarities:
         raise InputError("similarity: found none, expected at least one cue to draw")
     count = len(similarities)

@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from sfkit.analysis.training_curves import WINDOW, TrainingCurve
 from sfkit.errors import InputError
-from sfkit.figures.theme import finish, read_theme, series_style
+from sfkit.figures.theme import finish, series_style
 
 
 def training_figure(
@@ -26,7 +26,6 @@ def training_figure(
     Raises:
         InputError: no curve, or an unknown theme.
     """
-    read_theme(theme)
     if not curves:
         raise InputError("training: found no curve, expected at least one to draw")
     scored = any(curve.scores for curve in curves)
