@@ -64,14 +64,12 @@ def stage_costs(stages: Mapping[str, Counts]) -> tuple[StageCost, ...]:
 
 def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
     """A row a stage and their total: candidates, evaluations by origin, seconds."""
+    numbers = ("computed", "cached", "repeated", "failed")
     total = StageCost(
-        stage="total",
-        computed=sum(cost.computed for cost in costs),
-        cached=sum(cost.cached for cost in costs),
-        repeated=sum(cost.repeated for cost in costs),
-        failed=sum(cost.failed for cost in costs),
-        seconds=math.fsum(cost.seconds for cost in costs),
-        seconds_saved=math.fsum(cost.seconds_saved for cost in costs),
+        "total",
+        *(sum(getattr(cost, name) for cost in costs) for name in numbers),
+        math.fsum(cost.seconds for cost in costs),
+        math.fsum(cost.seconds_saved for cost in costs),
     )
     rows = [
         {

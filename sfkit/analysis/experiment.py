@@ -181,14 +181,8 @@ class Experiment:
         counted = Quantities.of(wanted, *chosen.measurable(asked))
         key = (chosen.fingerprint(), chosen.protocol, wanted, counted, self.compute)
         if key not in self._evaluators:
-            self._evaluators[key] = Evaluator(
-                self.pool,
-                chosen,
-                store=self.store,
-                metric=wanted,
-                also=asked,
-                compute=self.compute,
-            )
+            kept: dict[str, Any] = {"store": self.store, "compute": self.compute}
+            self._evaluators[key] = Evaluator(self.pool, chosen, metric=wanted, also=asked, **kept)
         return self._evaluators[key]
 
     def stage1(
@@ -200,14 +194,8 @@ class Experiment:
     ) -> SubsetSearch:
         """Stage 1, run to its end."""
         settings = SubsetSettings(population=self.population, generations=self.generations, seed=self.seed)
-        search = SubsetSearch(
-            self.pool.names,
-            self.pool.blocks,
-            scorer or self.scorer(),
-            settings,
-            constraints=constraints,
-            start=start,
-        )
+        over = (self.pool.names, self.pool.blocks, scorer or self.scorer(), settings)
+        search = SubsetSearch(*over, constraints=constraints, start=start)
         search.run()
         return search
 

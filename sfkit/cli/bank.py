@@ -7,15 +7,13 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.groups import WholeHelp
+from sfkit.cli.groups import sub_commands
 from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 
-app = typer.Typer(
-    cls=WholeHelp, help="The embedded bank of trained networks.", no_args_is_help=True, rich_markup_mode=None
-)
+app = sub_commands()
 
 
 @app.command("build")

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from datetime import datetime
 
-import typer
-
-from sfkit.cli.groups import WholeHelp
+from sfkit.cli.groups import sub_commands
 from sfkit.cli.options import JsonOption, emit
 
-app = typer.Typer(
-    cls=WholeHelp, help="See and clear cached task vectors.", no_args_is_help=True, rich_markup_mode=None
-)
+app = sub_commands()
 
 
 @app.command("list")

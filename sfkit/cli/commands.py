@@ -32,6 +32,7 @@ class Entry:
         """The command, its module imported."""
         module = importlib.import_module(f"sfkit.cli.{name}")
         if self.function is None:
+            module.app.info.help = self.help
             _strict(module.app)
             return typer.main.get_group(module.app)
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
+from sfkit.cli.groups import PanelCommand, grouped, sub_commands
 from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.panels import FolderOptions
 from sfkit.cli.terminal import Bars
@@ -14,7 +14,7 @@ from sfkit.errors import InputError
 
 SAID_EVERY = 100  # pairs
 
-app = typer.Typer(cls=WholeHelp, help="Look at data sets.", no_args_is_help=True, rich_markup_mode=None)
+app = sub_commands()
 
 
 @app.command("check", cls=PanelCommand)

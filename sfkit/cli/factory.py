@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.cli.groups import PanelCommand, WholeHelp, grouped
+from sfkit.cli.groups import PanelCommand, grouped, sub_commands
 from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import ComputeOptions
@@ -17,12 +17,7 @@ from sfkit.cli.terminal import Bars
 if TYPE_CHECKING:
     from sfkit.factory import Made
 
-app = typer.Typer(
-    cls=WholeHelp,
-    help="From data sets to sources to one network.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = sub_commands()
 FactoryArgument = Annotated[Path, typer.Argument(help="A factory.toml.")]
 
 

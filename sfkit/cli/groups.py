@@ -157,6 +157,11 @@ class PanelCommand(Command):
                     formatter.write_dl(records)
 
 
+def sub_commands() -> typer.Typer:
+    """A command that has sub-commands; its help is that of the list of commands."""
+    return typer.Typer(cls=WholeHelp, no_args_is_help=True, rich_markup_mode=None)
+
+
 class WholeHelp(PlainHelp, typer.core.TyperGroup):
     """A command with sub-commands, whose first sentences ``--help`` does not cut."""
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sfkit.cli.groups import WholeHelp
+from sfkit.cli.groups import sub_commands
 from sfkit.cli.options import ForceOption, JsonOption, emit, say
 from sfkit.cli.outputs import Places
 from sfkit.errors import DamagedStoreError, InputError
@@ -15,12 +15,7 @@ from sfkit.errors import DamagedStoreError, InputError
 if TYPE_CHECKING:
     from sfkit.evaluation.store import EvaluationStore
 
-app = typer.Typer(
-    cls=WholeHelp,
-    help="See what searches did; move evaluations.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-)
+app = sub_commands()
 
 Folder = Annotated[Path, typer.Argument(help="A search's folder.", show_default=False)]
 Store = Annotated[Path, typer.Argument(help="An evaluation store.", show_default=False)]

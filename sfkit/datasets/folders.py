@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from sfkit.datasets.formats import Coding, coding_of_suffix
 from sfkit.datasets.listing import NEEDED, PairListing, inside
@@ -67,11 +68,13 @@ def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
         if lacking:
             missing[folder.name] = lacking
         else:
-            pairs.append(_pair(root, folder.name, roles, [coding, own.get("coding")]))
+            files: dict[str, Any] = {role: inside(root, path) for role, path in roles.items()}
+            told = coding_for(files["disparity"], [coding, own.get("coding")])
+            pairs.append(StereoPair(folder.name, coding=told, **files))
     note = (f"no pair was recognised in: {', '.join(strange)}",) if strange else ()
-    told = [f"no pair was recognised among the images in: {', '.join(broken)}"] if broken else []
-    told += [f"links that lead nowhere, or in a circle: {', '.join(links)}"] if links else []
-    return PairListing(tuple(pairs), missing, note, tuple(told))
+    said = [f"no pair was recognised among the images in: {', '.join(broken)}"] if broken else []
+    said += [f"links that lead nowhere, or in a circle: {', '.join(links)}"] if links else []
+    return PairListing(tuple(pairs), missing, note, tuple(said))
 
 
 def _has_images(folder: Path) -> bool:
@@ -114,19 +117,6 @@ def coding_for(path: Path, given: Iterable[str | None]) -> str:
             f"{HINTS} beside it, or in a CSV column 'coding'"
         )
     return settled
-
-
-def _pair(root: Path, name: str, roles: Mapping[str, Path], codings: Iterable[str | None]) -> StereoPair:
-    files = {role: inside(root, path) for role, path in roles.items()}
-    return StereoPair(
-        id=name,
-        left=files["left"],
-        right=files["right"],
-        disparity=files["disparity"],
-        coding=coding_for(files["disparity"], codings),
-        mask=files.get("mask"),
-        calibration=files.get("calibration"),
-    )
 
 
 def _hints(folder: Path) -> dict[str, str]:

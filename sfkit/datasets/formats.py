@@ -21,6 +21,7 @@ import math
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -155,10 +156,6 @@ def _read_png(path: Path, coding: Coding) -> NDArray[Any]:
     return pixels
 
 
-def _read_npy(path: Path, _coding: Coding) -> NDArray[Any]:
-    return _map(path, _load(path))
-
-
 def _read_npz(path: Path, coding: Coding) -> NDArray[Any]:
     archive = _load(path)
     if not isinstance(archive, np.lib.npyio.NpzFile):
@@ -197,8 +194,9 @@ def _map(path: Path, array: Any) -> NDArray[Any]:
     return array
 
 
-def _read_pfm(path: Path, _coding: Coding) -> NDArray[Any]:
-    return read_pfm(path)
-
-
-_READERS = {"pfm": _read_pfm, "png16": _read_png, "png8": _read_png, "npy": _read_npy, "npz": _read_npz}
+_READERS: dict[str, Callable[[Path, Coding], NDArray[Any]]] = {
+    "pfm": lambda path, _: read_pfm(path),
+    "npy": lambda path, _: _map(path, _load(path)),
+    "npz": _read_npz,
+    **dict.fromkeys(("png8", "png16"), _read_png),
+}

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePath, PurePosixPath
+from typing import Any
 
 from sfkit.datasets.manifests import ID, RESOLUTION, Manifest, PairLayout
 from sfkit.datasets.pairs import StereoPair
@@ -95,22 +96,9 @@ def _find(layout: PairLayout, root: Path, place: str, resolution: str | None) ->
         if lacking:
             missing[name] = lacking
         else:
-            pairs.append(_pair(name, layout, files))
+            there: dict[str, Any] = {role: path for role, path in files.items() if path.is_file()}
+            pairs.append(StereoPair(name, coding=layout.coding, mask_coding=layout.mask_coding, **there))
     return PairListing(tuple(pairs), missing, (layout.note,) if layout.note else ())
-
-
-def _pair(name: str, layout: PairLayout, files: Mapping[str, Path]) -> StereoPair:
-    there = {role: path for role, path in files.items() if path.is_file()}
-    return StereoPair(
-        id=name,
-        left=files["left"],
-        right=files["right"],
-        disparity=files["disparity"],
-        coding=layout.coding,
-        mask=there.get("mask"),
-        mask_coding=layout.mask_coding,
-        calibration=there.get("calibration"),
-    )
 
 
 def _ids(layout: PairLayout, root: Path, place: str, resolution: str | None) -> list[str]:

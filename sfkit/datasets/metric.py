@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, nearest
 
-__all__ = ["D1", "EPE", "Metric", "Ratio", "bad_pixels", "metric_names", "metrics_of", "register_metric"]
+__all__ = ["D1", "EPE", "Metric", "Ratio", "bad_pixels", "metrics_of", "register_metric"]
 
 D1_PIXELS = 3.0
 
@@ -199,11 +199,6 @@ def register_metric(metric: Metric) -> Metric:
         )
     _METRICS[name] = metric
     return metric
-
-
-def metric_names() -> tuple[str, ...]:
-    """The names that stand for themselves; ``bad-T`` takes any threshold besides."""
-    return tuple(_METRICS)
 
 
 def metrics_of(*metrics: Metric | str) -> Sequence[Metric]:

@@ -13,8 +13,6 @@ from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layo
 from sfkit.errors import InputError, unknown_name
 from sfkit.outside import read_toml
 
-ROLES = ("right", "disparity")
-
 
 @dataclass(frozen=True)
 class SourceLayout:

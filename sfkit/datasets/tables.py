@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping
 from pathlib import Path, PurePath
+from typing import Any
 
 from sfkit.datasets.folders import coding_for
 from sfkit.datasets.listing import NEEDED, PairListing, inside
@@ -37,13 +38,14 @@ def find_in_table(table: Path, root: Path, coding: str | None = None) -> PairLis
         name = row.get("id") or PurePath(row["left"]).with_suffix("").as_posix()
         if name in missing or any(pair.id == name for pair in pairs):
             raise InputError(f"{where}: found the id {name!r} twice, expected each once; add a column 'id'")
-        files = {role: inside(root, row[role]) for role in FILES if row.get(role)}
+        files: dict[str, Any] = {role: inside(root, row[role]) for role in FILES if row.get(role)}
         lacking = tuple(row[role] for role, path in files.items() if not is_file(path))
         ensure_two(files["left"], files["right"])
         if lacking:
             missing[name] = lacking
         else:
-            pairs.append(_pair(name, files, row.get("coding") or coding))
+            told = coding_for(files["disparity"], [row.get("coding") or coding])
+            pairs.append(StereoPair(name, coding=told, **files))
     return PairListing(tuple(sorted(pairs, key=lambda pair: pair.id)), missing)
 
 
@@ -54,18 +56,6 @@ def absent_files(table: Path, root: Path, found: PairListing) -> str:
         return ""
     return (
         f"{table}: found no {', '.join(absent[:3])} ({len(absent)} in all), expected every file under {root}"
-    )
-
-
-def _pair(name: str, files: Mapping[str, Path], coding: str | None) -> StereoPair:
-    return StereoPair(
-        id=name,
-        left=files["left"],
-        right=files["right"],
-        disparity=files["disparity"],
-        coding=coding_for(files["disparity"], [coding]),
-        mask=files.get("mask"),
-        calibration=files.get("calibration"),
     )
 
 

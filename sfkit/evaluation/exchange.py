@@ -41,13 +41,7 @@ def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:
     if evaluation.failure:
         return [head]
     return [
-        {
-            **head,
-            "image": image.id,
-            "region": region,
-            "pixels": errors.pixels,
-            **_values(image, region),
-        }
+        {**head, "image": image.id, "region": region, "pixels": errors.pixels, **_values(image, region)}
         for image in evaluation.images
         for region, errors in image.regions.items()
     ]

@@ -182,24 +182,16 @@ class ImageErrors:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain values for JSON; an infinite sum is the string ``inf``."""
+        own = {name: list(map(_plain, ratio)) for name, ratio in self.own.items()}
         return {
             "id": self.id,
             "thresholds": list(self.thresholds),
             "nonfinite": self.nonfinite,
             "regions": {
-                name: {
-                    "pixels": r.pixels,
-                    "sum_abs": _plain(r.sum_abs),
-                    "above": list(r.above),
-                    "d1": r.d1,
-                }
+                name: {"pixels": r.pixels, "sum_abs": _plain(r.sum_abs), "above": list(r.above), "d1": r.d1}
                 for name, r in self.regions.items()
             },
-            **(
-                {"own": {name: list(map(_plain, ratio)) for name, ratio in self.own.items()}}
-                if self.own
-                else {}
-            ),
+            **({"own": own} if own else {}),
         }
 
     @classmethod

@@ -94,6 +94,8 @@ PANEL_ROW = 22
 """Height of one network's line in pixels."""
 
 PANELS_A_ROW = 3
+COLOURS = {Judgement.BETTER: ACCENT, Judgement.WORSE: WARM}
+SYMBOLS = {Judgement.UNKNOWN: "x-thin", Judgement.WITHIN_NOISE: "circle-open"}
 
 
 def benchmark_comparison_figure(
@@ -162,7 +164,7 @@ def _panels(
 def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row: int, col: int) -> None:
     drawn = [d for d in differences if math.isfinite(d.value)]
     ends = [d.interval or (d.value, d.value) for d in drawn]
-    colours = [_colour(d, muted) for d in drawn]
+    colours = [COLOURS.get(d.word, muted) for d in drawn]
     for difference, (low, high), colour in zip(drawn, ends, colours, strict=True):
         figure.add_scatter(
             x=[low, high],
@@ -180,7 +182,7 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
         mode="markers",
         marker={
             "size": 9,
-            "symbol": [_symbol(d) for d in drawn],
+            "symbol": [SYMBOLS.get(d.word, "circle") for d in drawn],
             "color": colours,
             "line": {"width": 2, "color": colours},
         },
@@ -195,14 +197,6 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
     margin = 0.06 * (high - low) or 1.0
     figure.update_xaxes(range=[low - margin, high + margin], row=row, col=col)
     figure.add_vline(x=0.0, line={"color": muted, "width": 1}, layer="below", row=row, col=col)
-
-
-def _colour(difference: Difference, muted: str) -> str:
-    return {Judgement.BETTER: ACCENT, Judgement.WORSE: WARM}.get(difference.word, muted)
-
-
-def _symbol(difference: Difference) -> str:
-    return {Judgement.UNKNOWN: "x-thin", Judgement.WITHIN_NOISE: "circle-open"}.get(difference.word, "circle")
 
 
 def _answer_by_benchmark(rows: Sequence[ComparedNetwork], comparison: NetworkComparison) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -224,11 +225,11 @@ class PoolOpener:
         key = vector_key(base_record.fingerprint, record.fingerprint, "\n".join(s.key for s in changed))
         kinship, values = self._vector(key, file, base, changed)
         thawed = tuple(spec.key for spec in changed if self.architecture.is_frozen(spec.key))
-        checked = _checked(member, file, record.fingerprint, absent, kinship)
         kept = tuple(
             spec.key for spec in self.specs if self._is_kept(spec, file, digests, base_record.digests)
         )
-        return Staged(replace(checked, thawed=thawed, kept=kept), changed, values)
+        found = {"absent": absent, "kinship": kinship, "thawed": thawed, "kept": kept}
+        return Staged(_checked(member, file, record.fingerprint, **found), changed, values)
 
     def _is_kept(
         self, spec: TensorSpec, file: CheckpointFile, own: Mapping[str, str], theirs: Mapping[str, str]
@@ -276,24 +277,9 @@ def _subtract(
     return sums.kinship()
 
 
-def _checked(
-    member: Member,
-    file: CheckpointFile,
-    identity: str,
-    absent: tuple[str, ...] = (),
-    kinship: Kinship = ITSELF,
-) -> Checked:
-    return Checked(
-        member.name,
-        member.path,
-        identity,
-        member.licence,
-        member.note,
-        file.layout,
-        absent,
-        kinship,
-        signatures=file.signatures,
-    )
+def _checked(member: Member, file: CheckpointFile, identity: str, **found: Any) -> Checked:
+    told = (member.name, member.path, identity, member.licence, member.note)
+    return Checked(*told, file.layout, signatures=file.signatures, **found)
 
 
 def assemble(

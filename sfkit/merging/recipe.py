@@ -160,10 +160,7 @@ class Recipe:
 
     def document(self) -> dict[str, Any]:
         """:meth:`as_dict`, and under ``networks`` the fingerprints it is bound to."""
-        return {
-            **self.as_dict(),
-            **({} if self.merged_from is None else {"networks": dict(self.merged_from)}),
-        }
+        return self.as_dict() | ({} if self.merged_from is None else {"networks": dict(self.merged_from)})
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any], *, where: str = "recipe") -> Recipe:

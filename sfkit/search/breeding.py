@@ -139,20 +139,14 @@ def survivors(
         the pool, best first, each subset once.
     """
     if settings.survival == "truncation":
-        return _best_different(pool, settings.population)
-    return _winners([rank for _, rank in pool], settings.population, rng)
-
-
-def _best_different(pool: Sequence[tuple[Chromosome, Rank]], size: int) -> tuple[Rank, ...]:
-    best: dict[frozenset[int], Rank] = {}
-    for chromosome, rank in sorted(pool, key=lambda member: member[1]):
-        best.setdefault(frozenset(chromosome), rank)
-    return tuple(best.values())[:size]
-
-
-def _winners(pool: Sequence[Rank], size: int, rng: np.random.Generator) -> tuple[Rank, ...]:
-    winners = [pool[tournament(pool, rng)] for _ in range(size - 1)]
-    return (*winners, min(pool))
+        best: dict[frozenset[int], Rank] = {}
+        for chromosome, rank in sorted(pool, key=lambda member: member[1]):
+            best.setdefault(frozenset(chromosome), rank)
+        return tuple(best.values())[: settings.population]
+    ranks = [rank for _, rank in pool]
+    winners = [ranks[tournament(ranks, rng)] for _ in range(settings.population - 1)]
+    # The best of all always survives, so that a population's best is the best so far.
+    return (*winners, min(ranks))
 
 
 def _pair(

@@ -32,7 +32,7 @@ def between(low: float, high: float = math.inf) -> Check:
 
     def check(argument: str, value: Any) -> Any:
         require_between(argument, value, low, high)
-        return value
+        return float(value)
 
     return check
 
@@ -40,7 +40,7 @@ def between(low: float, high: float = math.inf) -> Check:
 def positive(argument: str, value: Any) -> Any:
     """The check of a setting above 0."""
     require_positive(argument, value)
-    return value
+    return float(value)
 
 
 def one_of(words: tuple[str, ...]) -> Check:
@@ -148,4 +148,4 @@ def check_gamma(argument: str, gamma: tuple[float, float]) -> tuple[float, float
             f"{argument}: found [{low:g}, {high:g}], expected bounds around 1 with 1 in the middle, such as "
             "[0.25, 1.75], so that x = 0 is the equal-weight merge"
         )
-    return low, high
+    return float(low), float(high)

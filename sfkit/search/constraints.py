@@ -49,7 +49,9 @@ class Constraints:
         Raises:
             InputError: a name that is neither source nor block, or fewer than two sources left.
         """
-        self._check_names(sources, blocks)
+        require_known("include", self.include, sources, "source")
+        require_known("exclude", self.exclude, sources, "source")
+        require_known("frozen_blocks", self.frozen_blocks, blocks, "block")
         allowed = tuple(i for i, name in enumerate(sources) if name not in self.exclude)
         if len(allowed) < SMALLEST:
             raise InputError(
@@ -75,11 +77,6 @@ class Constraints:
                 )
         if self.largest is not None and len(subset) > self.largest:
             raise InputError(f"sources: found {len(subset)}, expected at most {self.largest} (largest)")
-
-    def _check_names(self, sources: tuple[str, ...], blocks: tuple[str, ...]) -> None:
-        require_known("include", self.include, sources, "source")
-        require_known("exclude", self.exclude, sources, "source")
-        require_known("frozen_blocks", self.frozen_blocks, blocks, "block")
 
 
 def subset_of(subset: Recipe | Iterable[str]) -> tuple[str, ...]:

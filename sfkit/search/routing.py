@@ -46,15 +46,8 @@ def encoding_of(
             left to move.
     """
     constraints.check_subset(subset, blocks)
-    return Encoding(
-        subset,
-        blocks,
-        (float(settings.gamma[0]), float(settings.gamma[1])),
-        settings.tied,
-        settings.scaled,
-        constraints.frozen_blocks,
-        settings.rank,
-    )
+    moved = (settings.gamma, settings.tied, settings.scaled, constraints.frozen_blocks, settings.rank)
+    return Encoding(subset, blocks, *moved)
 
 
 class RoutingSearch(Search[RoutingCandidate]):
@@ -197,7 +190,7 @@ class RoutingSearch(Search[RoutingCandidate]):
     def _mean(self) -> Vector:
         if self.start is None:
             return np.zeros(self.encoding.dimension)
-        return self.encoding.encode(self.start, float(self.settings.floor))
+        return self.encoding.encode(self.start, self.settings.floor)
 
     def _replayed(self) -> list[CmaEs]:
         """The optimisers after the state's generations, from the seed and the scores alone."""
@@ -205,11 +198,11 @@ class RoutingSearch(Search[RoutingCandidate]):
         cmas = [
             CmaEs(
                 self._mean(),
-                float(settings.sigma),
+                settings.sigma,
                 self.population,
                 settings.seed,
-                tolfun=float(settings.tolfun),
-                tolx=float(settings.tolx),
+                tolfun=settings.tolfun,
+                tolx=settings.tolx,
                 island=island,
             )
             for island in range(max(self.folds, 1))
@@ -255,9 +248,9 @@ class RoutingSearch(Search[RoutingCandidate]):
         )
 
     def _penalty(self, x: Vector, recipe: Recipe, zero: Outcome) -> float:
-        entropy = float(self.settings.entropy) * mean_entropy(recipe)
+        entropy = self.settings.entropy * mean_entropy(recipe)
         at_zero = 0.0 if zero.failed or not math.isfinite(zero.score) else zero.score
-        return entropy + float(self.settings.shrinkage) * at_zero * self.encoding.distance(x)
+        return entropy + self.settings.shrinkage * at_zero * self.encoding.distance(x)
 
     def _description(self) -> dict[str, Any]:
         return {

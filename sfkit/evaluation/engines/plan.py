@@ -48,14 +48,9 @@ class Numerics:
     @classmethod
     def here(cls) -> Numerics:
         """The settings of this process."""
+        own = torch.get_float32_matmul_precision(), torch.are_deterministic_algorithms_enabled()
         cudnn = torch.backends.cudnn
-        return cls(
-            torch.get_float32_matmul_precision(),
-            torch.are_deterministic_algorithms_enabled(),
-            cudnn.allow_tf32,
-            cudnn.benchmark,
-            cudnn.deterministic,
-        )
+        return cls(*own, cudnn.allow_tf32, cudnn.benchmark, cudnn.deterministic)
 
     def apply(self) -> None:
         """Make them this process's settings."""
@@ -116,20 +111,9 @@ class WorkerPlan:
         ensure_importable({type(pair).__module__ for pair in benchmark.pairs}, "a pair's class")
         for metric in quantities.own:
             ensure_importable([getattr(metric.recorder, "__module__", None)], f"metric {metric.name!r}")
-        found = identity(pool, benchmark)
-        return cls(
-            pool.spec,
-            pool.preparation,
-            pool.dtype,
-            module,
-            pool.architecture.code,
-            benchmark,
-            quantities,
-            mode,
-            Numerics.here(),
-            threads,
-            found,
-        )
+        made = (pool.spec, pool.preparation, pool.dtype, module, pool.architecture.code)
+        how = (mode, Numerics.here(), threads)
+        return cls(*made, benchmark, quantities, *how, identity(pool, benchmark))
 
     def open(self, device: str, pool: Pool | None = None) -> Worker:
         """Become a worker in this process: open pool and benchmark, check them, build the network.
