@@ -11,19 +11,17 @@ frame, without a GPU. Every frame gets one mouse or wheel event, and the page is
 
 from __future__ import annotations
 
-import argparse
-import json
-import shutil
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 from playwright.sync_api import Page, sync_playwright
+from processes import chromium
+from stages import answered
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "browser"))
 
@@ -39,7 +37,6 @@ SIZES = ((1242, 375), (1500, 1000))  # KITTI; Middlebury at half resolution
 NETWORKS = 3
 ARRANGEMENTS = ("side by side", "swipe")
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu")
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 TIMED = """async ([seconds, act]) => {
     const canvas = document.querySelector(".sfkit canvas");
@@ -148,17 +145,12 @@ def measured(
 
 def measure(seconds: float = 3.0) -> list[Record]:
     """Both sizes in both arrangements."""
-    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
-    if path is None:
-        raise SystemExit(
-            "no Chromium found: install the distribution's, for instance apt-get install chromium"
-        )
     pool = sfkit.open_pool("bank")
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform()}
     widget = DisparityCompare(pool, recipes, sfkit.open_benchmark("bank:courtyard", pairs=1))
     found = []
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=chromium(), args=list(FLAGS))
         for size in SIZES:
             for arrangement in ARRANGEMENTS:
                 page = browser.new_page(viewport={"width": 1280, "height": 1000})
@@ -183,16 +175,5 @@ def table(records: Sequence[Record]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=3.0, help="how long each gesture is timed")
-    parser.add_argument("--json", action="store_true", help="print records instead of a table")
-    given = parser.parse_args(arguments)
-    records = measure(given.seconds)
-    plain: list[dict[str, Any]] = [asdict(record) for record in records]
-    print(json.dumps(plain, indent=2) if given.json else table(records))
-
-
 if __name__ == "__main__":
-    main()
+    answered(__doc__, measure, {"seconds": 3.0}, table)

@@ -11,16 +11,16 @@ must give the scores of the inline engine to the last bit.
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
-import json
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from itertools import combinations, islice
+from typing import Any
 
 import torch
+from stages import Rows, answered
 
 from sfkit import open_benchmark, open_pool
 from sfkit.bank import VALIDATION
@@ -137,29 +137,7 @@ def ray_for(engine: str, cpus: int) -> Iterator[None]:
     ray.shutdown()
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--engines", nargs="+", choices=ENGINES, default=ENGINES)
-    parser.add_argument("--workers", nargs="+", type=int, default=WORKERS)
-    parser.add_argument("--evaluations", type=int, default=24)
-    parser.add_argument("--pairs", type=int, default=8, help="of the benchmark")
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
-    options = vars(parser.parse_args(arguments))
-    as_json = options.pop("json")
-    rows = [row(run, inline) for run, inline in measure(**options)]
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
-    print("engine      workers  evaluations  start, s  all, s  s each  of inline  efficiency  overhead, ms")
-    for r in rows:
-        print(
-            f"{r['engine']:10} {r['workers']:8} {r['evaluations']:12} {r['start']:9.1f} {r['seconds']:7.2f} "
-            f"{r['each']:7.3f} {r['of_inline']:10.2f} {r['efficiency']:11.2f} {r['overhead_ms']:13.1f}"
-        )
-
-
-def row(run: Run, inline: Run) -> dict[str, float | int | str]:
+def row(run: Run, inline: Run) -> dict[str, Any]:
     """Plain values of a run and its ratios to the inline engine."""
     values = {key: value for key, value in asdict(run).items() if key != "scores"}
     return {
@@ -171,5 +149,28 @@ def row(run: Run, inline: Run) -> dict[str, float | int | str]:
     }
 
 
+def rows(**options: Any) -> Rows:
+    """What :func:`measure` says, as plain values."""
+    return [row(run, inline) for run, inline in measure(**options)]
+
+
+def table(found: Rows) -> str:
+    """A line a run."""
+    head = "engine      workers  evaluations  start, s  all, s  s each  of inline  efficiency  overhead, ms"
+    return "\n".join(
+        [
+            head,
+            *(
+                f"{r['engine']:10} {r['workers']:8} {r['evaluations']:12} {r['start']:9.1f} "
+                f"{r['seconds']:7.2f} {r['each']:7.3f} {r['of_inline']:10.2f} {r['efficiency']:11.2f} "
+                f"{r['overhead_ms']:13.1f}"
+                for r in found
+            ),
+        ]
+    )
+
+
+OPTIONS = {"engines": ENGINES, "workers": WORKERS, "evaluations": 24, "pairs": 8}
+
 if __name__ == "__main__":
-    main()
+    answered(__doc__, rows, OPTIONS, table)

@@ -13,7 +13,7 @@ import nbformat
 import pandas as pd
 from commands import sfkit
 
-from sfkit.analysis.tables import markdown_lines
+from sfkit.analysis import markdown_table
 
 
 @dataclass(frozen=True)
@@ -50,20 +50,8 @@ def make(folder: Path, parameters: Mapping[str, object]) -> FullReport:
 
 
 def markdown(table: pd.DataFrame, digits: int = 2) -> str:
-    """A table as Markdown; a number that is missing is a dash."""
-    head = [str(table.index.name or ""), *map(str, table.columns)]
-    rows = [
-        [str(name), *(_cell(value, digits) for value in row)]
-        for name, row in zip(table.index, table.to_numpy(dtype=object), strict=True)
-    ]
-    numeric = [pd.api.types.is_numeric_dtype(table[column]) for column in table]
-    return markdown_lines(head, rows, [False, *numeric])
-
-
-def _cell(value: object, digits: int) -> str:
-    if isinstance(value, float):
-        return f"{value:.{digits}f}" if value == value else "–"
-    return str(value)
+    """A table as Markdown, nothing marked; a number that is missing is a dash."""
+    return markdown_table(table, columns=(), digits=digits).strip()
 
 
 def _text(value: object) -> str:

@@ -11,19 +11,17 @@ The real AnyNet pool is measured where SFKIT_REAL_DATA names its folder.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import shutil
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
+from processes import chromium
+from stages import answered
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "browser"))
 
@@ -31,7 +29,6 @@ from browser_lab import Notebook, Server, serving
 
 ROOT = Path(__file__).parents[1]
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking")
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 BANK = """
 import sfkit
@@ -128,11 +125,6 @@ def measured(browser: Browser, server: Server, name: str, cells: list[str], edit
 
 def measure(edits: int = 40) -> list[Record]:
     """The embedded bank and, where its data is, the real AnyNet pool."""
-    path = next(filter(None, map(shutil.which, CHROMIUM)), None)
-    if path is None:
-        raise SystemExit(
-            "no Chromium found: install the distribution's, for instance apt-get install chromium"
-        )
     worlds = {"embedded bank": [BANK, SHOW]}
     if os.environ.get("SFKIT_REAL_DATA"):
         pool = str(ROOT / "tests" / "pools" / "anynet_real.toml")
@@ -143,7 +135,7 @@ def measure(edits: int = 40) -> list[Record]:
         serving(Path(folder), "jupyterlab") as server,
         sync_playwright() as playwright,
     ):
-        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=chromium(), args=list(FLAGS))
         found = [measured(browser, server, name, cells, edits) for name, cells in worlds.items()]
         browser.close()
         server.end_kernels()
@@ -166,16 +158,5 @@ def table(records: Sequence[Record]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--edits", type=int, default=40, help="edits that are timed in each pool")
-    parser.add_argument("--json", action="store_true", help="print records instead of a table")
-    given = parser.parse_args(arguments)
-    records = measure(given.edits)
-    plain: list[dict[str, Any]] = [asdict(record) for record in records]
-    print(json.dumps(plain, indent=2) if given.json else table(records))
-
-
 if __name__ == "__main__":
-    main()
+    answered(__doc__, measure, {"edits": 40}, table)

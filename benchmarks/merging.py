@@ -10,14 +10,14 @@ are measured where they are installed: ``make bench`` puts them into an environm
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
-import json
-import sys
+from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import torch
 from memory import SOURCES, Record, World, bandwidth, best_of
+from stages import answered
 from ties import measure as measure_ties
 
 from sfkit.merging.linear import merge_flat
@@ -96,33 +96,33 @@ def in_place(world: World) -> torch.Tensor:
     return world.out
 
 
-def main() -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--elements", type=int, nargs="+", default=[50_000_000, 100_000_000])
-    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    rows, bandwidths = [], []
-    for threads in options.threads:
-        torch.set_num_threads(threads)
+def rows(elements: Sequence[int], threads: Sequence[int]) -> dict[str, Any]:
+    """The bandwidths and all records, at every size and number of threads."""
+    found, bandwidths = [], []
+    for count in threads:
+        torch.set_num_threads(count)
         copy, triad = bandwidth(1 << 27)
-        bandwidths.append({"threads": threads, "copy": copy, "triad": triad})
-        print(f"{threads} threads: copy {copy / 1e9:.1f} GB/s, triad {triad / 1e9:.1f} GB/s", file=sys.stderr)
-        for elements in options.elements:
-            rows += measure(elements, threads)
-        if TIES_ELEMENTS in options.elements:
-            rows += measure_ties(TIES_ELEMENTS, threads, TIES_DENSITY)
-    if options.json:
-        found = [{**asdict(row), "ratio": row.ratio} for row in rows]
-        print(json.dumps({"bandwidth": bandwidths, "rows": found}, indent=2))
-        return
-    print(f"{'variant':28s} {'elements':>12s} {'threads':>7s} {'ms a recipe':>12s} {'x limit':>8s}")
-    for row in rows:
-        print(
-            f"{row.name:28s} {row.elements:12,d} {row.threads:7d} {row.milliseconds:12.1f} {row.ratio:8.2f}"
-        )
+        bandwidths.append({"threads": count, "copy": copy, "triad": triad})
+        for size in elements:
+            found += measure(size, count)
+        if TIES_ELEMENTS in elements:
+            found += measure_ties(TIES_ELEMENTS, count, TIES_DENSITY)
+    return {"bandwidth": bandwidths, "rows": [{**asdict(row), "ratio": row.ratio} for row in found]}
+
+
+def table(found: dict[str, Any]) -> str:
+    """Bandwidths, then a line a record."""
+    lines = [
+        f"{b['threads']} threads: copy {b['copy'] / 1e9:.1f} GB/s, triad {b['triad'] / 1e9:.1f} GB/s"
+        for b in found["bandwidth"]
+    ]
+    lines.append(f"{'variant':28s} {'elements':>12s} {'threads':>7s} {'ms a recipe':>12s} {'x limit':>8s}")
+    lines += [
+        f"{r['name']:28s} {r['elements']:12,d} {r['threads']:7d} {r['milliseconds']:12.1f} {r['ratio']:8.2f}"
+        for r in found["rows"]
+    ]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":
-    main()
+    answered(__doc__, rows, {"elements": (50_000_000, 100_000_000), "threads": (1, 2)}, table)

@@ -17,13 +17,11 @@ in a thread of their own while the network runs: they take computing, and no tim
 
 from __future__ import annotations
 
-import argparse
-import json
 import tempfile
 import threading
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -31,6 +29,7 @@ from unittest import mock
 
 import numpy as np
 import torch
+from stages import answered
 from synthetic_pool import PoolShape, describe, write_checkpoints
 
 from sfkit.architectures import InputConvention
@@ -164,9 +163,9 @@ def measure(
             scorer = Evaluator(pool, validation, store=EvaluationStore(folder / "e.sqlite"))
             scorer([pool.equal(*pool.names[:2])])  # first forward passes prepare kernels
         plan = plan_of(method, population, generations, evaluations)
-        for row, place, method in PARTS:
-            timed = clock.timed(row, getattr(place, method))
-            patched.enter_context(mock.patch.object(place, method, timed))
+        for row, place, called in PARTS:
+            timed = clock.timed(row, getattr(place, called))
+            patched.enter_context(mock.patch.object(place, called, timed))
         network = scorer.engine.worker.model.network  # type: ignore[attr-defined]
         patched.enter_context(mock.patch.object(network, "forward", clock.timed(FORWARD, network.forward)))
         search_pool(pool, scorer, plan, folder / "run")
@@ -219,34 +218,23 @@ def noise(pairs: int) -> Benchmark:
     )
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--pairs", type=int, default=27)
-    parser.add_argument("--population", type=int, default=10)
-    parser.add_argument("--generations", type=int, default=2)
-    parser.add_argument("--evaluations", type=int, default=20, help="of Stage 2")
-    parser.add_argument("--method", choices=METHODS, default="paper")
-    parser.add_argument("--bank", action="store_true", help="the embedded bank's AnyNet")
-    parser.add_argument("--json", action="store_true", help="print one JSON document")
-    options = vars(parser.parse_args(arguments))
-    as_json = options.pop("json")
-    found = measure(**options)
-    if as_json:
-        print(json.dumps(found, indent=2))
-        return
-    print(
+def table(found: dict[str, Any]) -> str:
+    """The shares, then a line a part."""
+    lines = [
         f"{found['network']}, {found['evaluations']} evaluations of {found['pairs']} pairs, "
-        f"{found['seconds']:.1f} s: "
-        f"{100 * found['outside']:.2f} % outside the network ({100 * found['outside_computing']:.2f} % of "
-        f"computing); {found['before']:.1f} s before"
-    )
-    print(f"{'part':24} {'share':>8}  {'of computing':>12}  {'ms an evaluation':>16}")
+        f"{found['seconds']:.1f} s: {100 * found['outside']:.2f} % outside the network "
+        f"({100 * found['outside_computing']:.2f} % of computing); {found['before']:.1f} s before",
+        f"{'part':24} {'share':>8}  {'of computing':>12}  {'ms an evaluation':>16}",
+    ]
     for row in found["rows"]:
         each = 1e3 * row["seconds"] / found["evaluations"]
         shares = f"{100 * row['share']:6.2f} %  {100 * row['computing']:10.2f} %"
-        print(f"{row['part']:24} {shares}  {each:16.2f}")
+        lines.append(f"{row['part']:24} {shares}  {each:16.2f}")
+    return "\n".join(lines)
 
+
+SIZES = {"pairs": 27, "population": 10, "generations": 2, "evaluations": 20}
+"""Of the command line; ``evaluations`` are those of Stage 2."""
 
 if __name__ == "__main__":
-    main()
+    answered(__doc__, measure, {**SIZES, "method": METHODS[0], "bank": False}, table)

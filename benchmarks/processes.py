@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import multiprocessing
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -35,6 +36,18 @@ class Peak:
 
     anonymous_mb: float
     mapped_mb: float
+
+
+def chromium() -> str:
+    """The distribution's Chromium.
+
+    Raises:
+        SystemExit: there is none.
+    """
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if found is None:
+        raise SystemExit("no Chromium found: install the distribution's, such as apt-get install chromium")
+    return found
 
 
 def shown(script: str, *arguments: str) -> str:

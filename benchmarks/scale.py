@@ -12,18 +12,17 @@ images at a generation's end. Not simulated: machines that differ, and messages 
 
 from __future__ import annotations
 
-import argparse
 import heapq
-import json
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 import torch
 from search import Landscape, genetic
+from stages import answered
 
 from sfkit import Evaluator, bank, open_pool
 from sfkit.bank.exhaustive import subset_scores
@@ -188,14 +187,5 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Simulate and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
-    options = parser.parse_args(arguments)
-    rows = measure()
-    print(json.dumps([asdict(row) for row in rows]) if options.json else table(rows))
-
-
 if __name__ == "__main__":
-    main()
+    answered(__doc__, measure, {}, table)

@@ -10,15 +10,14 @@ pymoo and DEAP take part where they are installed (``make bench``).
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
 import itertools
-import json
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from landscapes import Landscape
+from stages import answered
 
 from sfkit.bank.exhaustive import subset_scores
 from sfkit.evaluation.outcome import Outcome
@@ -207,22 +206,15 @@ def table(rows: Sequence[Row], first: str) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Compare and print two tables, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=SEEDS)
-    parser.add_argument("--quick", action="store_true", help="the scores on 8 pairs instead of 20")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
-    rows = compare(options.seeds, quick=options.quick)
-    sizes = populations(options.seeds, quick=options.quick)
-    if options.json:
-        print(json.dumps({"searches": [asdict(r) for r in rows], "populations": [asdict(r) for r in sizes]}))
-        return
-    print(table(rows, "search"))
-    print()
-    print(table(sizes, "population"))
+def both(seeds: int, quick: bool) -> dict[str, list[Row]]:
+    """The two tables."""
+    return {"searches": compare(seeds, quick=quick), "populations": populations(seeds, quick=quick)}
+
+
+def tables(found: dict[str, list[Row]]) -> str:
+    """Both as Markdown."""
+    return f"{table(found['searches'], 'search')}\n\n{table(found['populations'], 'population')}"
 
 
 if __name__ == "__main__":
-    main()
+    answered(__doc__, both, {"seeds": SEEDS, "quick": False}, tables)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import sfkit
@@ -39,20 +40,36 @@ def printed(
     line: Callable[[dict[str, Any]], str],
     arguments: Sequence[str] | None = None,
 ) -> None:
-    """Measure what the command line asks for and print a line a row, or JSON.
+    """As :func:`answered`, with ``line``, which makes a line of each row."""
+    answered(about, measure, options, lambda rows: "\n".join(map(line, rows)), arguments)
+
+
+def answered(
+    about: str | None,
+    measure: Callable[..., Any],
+    options: Mapping[str, Any],
+    text: Callable[[Any], str],
+    arguments: Sequence[str] | None = None,
+) -> None:
+    """Measure what the command line asks for and print it as text, or JSON.
 
     Args:
         about: what ``--help`` says.
         measure: takes every option by its name.
-        options: name -> default, whose type the option has.
-        line: a row as text.
+        options: name -> default, whose type the option has; of a tuple several values, of False a switch.
+        text: of what was measured.
         arguments: of the command line; the process's own unless given.
     """
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawTextHelpFormatter)
     for name, usual in options.items():
-        parser.add_argument(f"--{name}", type=type(usual), default=usual, help=f"{usual} unless given")
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
+        kind: dict[str, Any] = {"type": type(usual)}
+        if isinstance(usual, tuple):
+            kind = {"type": type(usual[0]), "nargs": "+"}
+        elif usual is False:
+            kind = {"action": "store_true"}
+        parser.add_argument(f"--{name}", default=usual, help=f"{usual} unless given", **kind)
+    parser.add_argument("--json", action="store_true", help="print JSON")
     given = vars(parser.parse_args(arguments))
     as_json = given.pop("json")
-    rows = measure(**given)
-    print(json.dumps(rows, indent=2) if as_json else "\n".join(map(line, rows)))
+    found = measure(**given)
+    print(json.dumps(found, indent=2, default=asdict) if as_json else text(found))

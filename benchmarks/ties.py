@@ -9,15 +9,15 @@ elected vector, and another electing rule finds the thresholds it had.
 
 from __future__ import annotations
 
-import argparse
 import importlib.util
-import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any
 
 import torch
 from memory import SOURCES, Record, World, bandwidth, best_of
+from stages import Rows, printed
 
 from sfkit.merging.fusion import fuse
 from sfkit.merging.linear import weighted_sum
@@ -101,22 +101,17 @@ def mergekit_work(world: World, density: float) -> Callable[[], object]:
     return work
 
 
-def main() -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--elements", type=int, default=50_000_000)
-    parser.add_argument("--density", type=float, default=0.2)
-    parser.add_argument("--threads", type=int, nargs="+", default=[1])
-    parser.add_argument("--json", action="store_true")
-    options = parser.parse_args()
-    rows = [r for t in options.threads for r in measure(options.elements, t, options.density)]
-    if options.json:
-        print(json.dumps([{**vars(row), "ratio": row.ratio} for row in rows], indent=2))
-        return
-    for row in rows:
-        head = f"{row.name:28s} {row.elements:12,d} {row.threads} threads"
-        print(f"{head} {row.milliseconds:10.1f} ms {row.ratio:8.2f} x limit")
+def rows(elements: int, density: float, threads: Sequence[int]) -> Rows:
+    """What :func:`measure` says for each number of threads."""
+    found = (row for count in threads for row in measure(elements, count, density))
+    return [{**vars(row), "ratio": row.ratio} for row in found]
+
+
+def line(row: dict[str, Any]) -> str:
+    """A row as text."""
+    head = f"{row['name']:28s} {row['elements']:12,d} {row['threads']} threads"
+    return f"{head} {row['milliseconds']:10.1f} ms {row['ratio']:8.2f} x limit"
 
 
 if __name__ == "__main__":
-    main()
+    printed(__doc__, rows, {"elements": 50_000_000, "density": 0.2, "threads": (1,)}, line)

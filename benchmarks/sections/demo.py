@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 from commands import sfkit
-from sections.quickstart import markdown
+from full_report import markdown
 
 OUT = Path(__file__).parents[2] / "runs" / "results" / "demo"
 

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 from commands import sfkit
-
-from sfkit.analysis.tables import markdown_lines
+from full_report import markdown
 
 ROOT = Path(__file__).parents[2]
 PAIRS = {"motorcycle": "npz:arr_0", "cones": "png8:4", "reindeer": "png8:2"}
@@ -55,13 +54,3 @@ read its columns as "seen in training". `*` marks the columns that guided the se
 {markdown(scores)}
 
 One validation pair is little: what Stage 2 gains on it need not show on the other pairs."""
-
-
-def markdown(table: pd.DataFrame) -> str:
-    """A table of numbers as Markdown, two decimals."""
-    head = ["network", *(str(column) for column in table)]
-    rows = [
-        [str(name), *(f"{value:.2f}" for value in row)]
-        for name, row in zip(table.index, table.to_numpy(), strict=True)
-    ]
-    return markdown_lines(head, rows, [False, *(True for _ in table)])
