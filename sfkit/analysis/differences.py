@@ -175,6 +175,7 @@ def outlier_regions(error: Map, threshold: float, *, most: int = 12) -> tuple[Ou
         waiting.extend((half, 2 * level) for half in halves)
         if not halves:
             found.append(region)
+    # Of equal size the upper left one first: the list is the same every time.
     return tuple(sorted(found, key=lambda region: (-region.pixels, region.y, region.x))[:most])
 
 
@@ -190,6 +191,7 @@ def _groups(bad: Pixels, shape: tuple[int, ...]) -> list[Pixels]:
     """Pixels at most :data:`GAP` apart belong together; groups large enough to list."""
     mask = np.zeros(shape, np.uint8)
     mask[bad] = 1
+    # Each pixel grows by half the gap, so that two that far apart touch.
     joined = cv2.dilate(mask, np.ones((GAP, GAP), np.uint8))
     labels = cv2.connectedComponents(joined, connectivity=8)[1][bad]
     order = np.argsort(labels, kind="stable")

@@ -209,6 +209,7 @@ def jaccard_diversity(members: NDArray[np.bool_]) -> float:
     marks = members.astype(np.float64)
     shared = marks @ marks.T
     sizes = marks.sum(axis=1)
+    # At least 1: two empty subsets have nothing to divide by.
     joint = np.maximum(sizes[:, None] + sizes[None, :] - shared, 1.0)
     distance = 1.0 - shared / joint
     return float(distance[np.triu_indices(count, k=1)].mean())

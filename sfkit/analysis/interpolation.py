@@ -79,6 +79,7 @@ def interpolated(start: Recipe, end: Recipe, position: float) -> Recipe:
     rows, scales = [], []
     for block in start.blocks:
         (first, first_scale), (last, last_scale) = start.of(block), end.of(block)
+        # Shaped (2, E) also where no source takes part.
         ends = np.array([[side.get(s, 0.0) for s in sources] for side in (first, last)]).reshape(2, -1)
         toward = np.array([1.0 - position, position])
         coefficients = (toward * (first_scale, last_scale)) @ ends

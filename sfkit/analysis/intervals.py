@@ -157,6 +157,7 @@ def holm(p_values: Sequence[float]) -> tuple[float, ...]:
     adjusted = [math.nan] * len(p_values)
     lowest = 0.0
     for rank, (p, place) in enumerate(known):
+        # Never below that of a smaller p-value: a weaker claim must not come out as the surer one.
         lowest = max(lowest, min(1.0, (len(known) - rank) * p))
         adjusted[place] = lowest
     return tuple(adjusted)

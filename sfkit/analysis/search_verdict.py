@@ -11,7 +11,7 @@ from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.verdict import Verdict, verdict
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.metric import Metric
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.pool import Pool
@@ -182,8 +182,7 @@ def judges(
         scorer: what guides a search.
         benchmarks: the tests; see :func:`under_one_unit` for the metrics.
     """
-    guides = list(scorer.evaluators) if isinstance(scorer, CombinedScorer) else [scorer]
-    known = [guide for guide in guides if isinstance(guide, Evaluator)]
+    known = list(evaluators_of(scorer))
     metrics = [str(guide.metric) for guide in known]
     pool, store, compute = known[0].pool, known[0].store, known[0].compute
     tests = under_one_unit(metrics, benchmarks)

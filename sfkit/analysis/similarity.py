@@ -139,6 +139,7 @@ def _moments(describe: Callable[[Sample], Moments], benchmark: Benchmark) -> Mom
     """Mean and variance (C,) of each channel over a data set; every pair weighs the same."""
     parts = [describe(sample) for sample in benchmark.samples()]
     mean, square = (np.mean([part[n] for part in parts], axis=0) for n in (0, 1))
+    # Rounding can carry a variance of nearly nothing below 0.
     return mean, np.maximum(square - np.square(mean), 0.0)
 
 

@@ -40,6 +40,7 @@ def _content(result: BaselineResult) -> str:
         return "the base as it is"
     shares = [sum(row[e] for row in recipe.weights) / len(recipe.weights) for e in range(len(recipe.sources))]
     ranked = sorted(zip(recipe.sources, shares, strict=True), key=lambda pair: -pair[1])
+    # Less than half a percent would read as 0 %.
     parts = ", ".join(f"{name} {100 * share:.0f} %" for name, share in ranked if share >= 0.005)
     return f"one network of the base's size and speed, mixed from {parts}"
 

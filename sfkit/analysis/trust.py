@@ -24,7 +24,7 @@ from sfkit.analysis.ranking import (
 )
 from sfkit.datasets.census import CENSUS, CensusTarget
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
@@ -198,8 +198,7 @@ def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
 
 def trust_sentences(scorer: Evaluator | CombinedScorer) -> tuple[str, ...]:
     """The sentence of :func:`trust_of` on what guides, for a page; none where every guide has labels."""
-    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    evaluators = [one for one in parts if isinstance(one, Evaluator)]
+    evaluators = evaluators_of(scorer)
     found = _trust_of(evaluators[0].pool, evaluators) if evaluators else None
     return () if found is None else (found.sentence,)
 

@@ -119,6 +119,7 @@ def _drawn(
             found.setdefault((probability, strength), []).append((score, Network(pool, recipe)))
     settings = list(found)
     means = [math.fsum(score for score, _ in found[setting]) / draws for setting in settings]
+    # By the mean over draws: the best of single ones is luck, which another seed does not have.
     chosen, mean = settings[best_of(means)], min(means)
     scores = [score for score, _ in found[chosen]]
     networks = tuple(network for _, network in found[chosen])

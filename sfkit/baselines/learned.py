@@ -5,9 +5,10 @@ from __future__ import annotations
 import torch
 
 from sfkit.baselines.registry import Choice, baseline
-from sfkit.baselines.trials import Trials, evaluators_of
+from sfkit.baselines.trials import Trials
 from sfkit.checkpoints.checks import Kind
 from sfkit.errors import InputError
+from sfkit.evaluation.combining import evaluators_of
 from sfkit.evaluation.gradients import GradientModel, fisher_information, matching_entropy
 from sfkit.merging.blocks import OUTSIDE
 from sfkit.merging.pool import Pool
@@ -95,6 +96,7 @@ def _adapted(trials: Trials, steps: int, start: float, rate: float, *, by_block:
         models = [GradientModel(pool, part.prepared, losses, device=part.device) for part in parts]
         turns = [(model, number) for model in models for number in range(len(model.benchmark))]
         for step in range(steps):
+            # One pair a step: a pass over all of them for each step would cost as much as a search.
             model, number = turns[step % len(turns)]
             model.take(recipe)
             entropy, flat = model.gradient(number)

@@ -34,6 +34,8 @@ def random_subsets(trials: Trials, *, budget: int = 800, seed: int = 0) -> Choic
     _require_two(names)
     rng, drawn = generator(seed, Stream.RANDOM_SUBSETS), dict[tuple[str, ...], None]()
     while len(drawn) < min(budget, 2 ** len(names) - 1 - len(names)):
+        # By a coin for each source: so all subsets are equally likely, where a size drawn first favours small
+        # and large.
         inside = rng.random(len(names)) < 0.5
         if inside.sum() >= 2:
             drawn[tuple(name for name, taken in zip(names, inside, strict=True) if taken)] = None

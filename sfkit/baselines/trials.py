@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.pool import Pool
@@ -105,10 +105,3 @@ class Trials:
 def best_of(scores: Sequence[float]) -> int:
     """The position of the lowest score, the earlier one of a tie."""
     return min(range(len(scores)), key=lambda n: (scores[n], n))
-
-
-def evaluators_of(validation: Validation) -> tuple[Evaluator, ...]:
-    """The evaluator, or those that are combined."""
-    if isinstance(validation, Evaluator):
-        return (validation,)
-    return tuple(part for part in validation.evaluators if isinstance(part, Evaluator))

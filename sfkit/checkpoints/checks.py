@@ -208,5 +208,6 @@ class KinshipSums:
         """The finished figures; without any matrix the source counts as near."""
         if self.base == 0.0 or self.source == 0.0:
             return Kinship(1.0, 0.0)
+        # Rounding can carry the square of a tiny distance below 0.
         squared = max(self.base + self.source - 2 * self.dot, 0.0)
         return Kinship(self.dot / (self.base * self.source) ** 0.5, (squared / self.base) ** 0.5)

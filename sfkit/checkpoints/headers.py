@@ -100,6 +100,7 @@ def stored_tensors(path: Path) -> dict[str, StoredTensor] | None:
             for key, entry in entries.items():
                 dtype, shape = _DTYPES[entry["dtype"]], tuple(entry["shape"])
                 begin, end = entry["data_offsets"]
+                # Views are let go of here: a map with one left refuses to close.
                 with memoryview(pages) as view, view[start + begin : start + end] as content:
                     found[key] = StoredTensor(dtype, shape, content_digest(dtype, shape, content))
         return found

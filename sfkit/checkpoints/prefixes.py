@@ -57,6 +57,7 @@ def network_prefix(
     if fitting:
         return fitting[0]
     found = {p: needed & _names(tensors, p, rename) for p in ("", *_candidates(tensors, 1))}
+    # Of prefixes with as many keys the shortest: the longer ones lie below it.
     best = max(found, key=lambda p: (len(found[p]), -len(p)))
     if best and 2 * len(found[best]) > len(needed):
         raise InputError(

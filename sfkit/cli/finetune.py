@@ -117,6 +117,7 @@ def command(
             overwrite=force,
             listen=progress(bars),
         )
+    # Every process of torchrun is here; one speaks.
     if int(os.environ.get("RANK", 0)) == 0:
         emit(*_told(source), as_json=json)
 

@@ -77,13 +77,11 @@ def scoring(
         guide: from :func:`guide_of`.
         store: the evaluation store's file, opened once all else is in order; None keeps nothing.
     """
-    from sfkit.evaluation import CombinedScorer, Evaluator
     from sfkit.evaluation.changes import LABEL
+    from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 
-    parts = guide.evaluators if isinstance(guide, CombinedScorer) else (guide,)
-    prepared = [part for part in parts if isinstance(part, Evaluator)]
     with store_of(store) as kept, ExitStack() as stack:
-        evaluators = [stack.enter_context(one.with_store(kept)) for one in prepared]
+        evaluators = [stack.enter_context(one.with_store(kept)) for one in evaluators_of(guide)]
         say(f"{pool!r}")
         for one in evaluators:
             benchmark = one.benchmark

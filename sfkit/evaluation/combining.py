@@ -96,3 +96,9 @@ class CombinedScorer:
         if not known:
             return math.nan
         return max(known) if self.how == "worst" else math.fsum(known) / len(known)
+
+
+def evaluators_of(scorer: Scorer) -> tuple[Evaluator, ...]:
+    """The evaluator, or those that are combined; a scorer of another kind is none."""
+    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
+    return tuple(part for part in parts if isinstance(part, Evaluator))

@@ -9,7 +9,7 @@ import torch
 
 from sfkit.datasets.digests import file_digest
 from sfkit.errors import InputError, SfkitError
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import evaluators_of
 from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.engines import Worker
 from sfkit.evaluation.evaluator import Evaluator
@@ -46,8 +46,7 @@ def ensure_as_scored(pool: Pool, recipe: Recipe, scorer: Scorer, path: Path) -> 
                 f"{path}: {key!r} is not what was scored, expected the merged values in a data type that "
                 "holds them: is the disk failing?"
             )
-    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    for evaluator in (part for part in parts if isinstance(part, Evaluator)):
+    for evaluator in evaluators_of(scorer):
         _ensure_scored(evaluator, recipe, path, dict(tensors))
 
 

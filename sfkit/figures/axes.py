@@ -40,5 +40,6 @@ def round_ticks(low: float, high: float, most: int = 5) -> list[float]:
     """At most ``most`` numbers between two ends, 1, 2 or 5 times a power of ten apart."""
     power = 10.0 ** math.floor(math.log10((high - low) / most))
     step = next(digit * power for digit in (1, 2, 5, 10, 20) if (high - low) / (digit * power) <= most - 1)
+    # A hair of room, so that an end that is a tick itself counts in spite of rounding.
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [float(f"{number * step:.12g}") for number in range(first, last + 1)]

@@ -9,8 +9,7 @@ from functools import partial
 from typing import Any
 
 from sfkit.errors import InputError, unknown_name
-from sfkit.evaluation.combining import CombinedScorer
-from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.pool import Pool
@@ -132,14 +131,14 @@ class SearchPlan:
 
         A scorer of another kind than sfkit's own says nothing of itself.
         """
-        parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
+        evaluators = evaluators_of(scorer)
         told = {
             "pool": {"base": pool.base.fingerprint, "sources": pool.identity}
             | ({} if pool.dtype is None else {"dtype": pool.dtype}),
             "partition": pool.partition.fingerprint(),
-            "benchmarks": [part.frame for part in parts if isinstance(part, Evaluator)],
-            "metrics": [str(part.metric) for part in parts if isinstance(part, Evaluator)],
-            NAMES: [part.benchmark.name for part in parts if isinstance(part, Evaluator)],
+            "benchmarks": [one.frame for one in evaluators],
+            "metrics": [str(one.metric) for one in evaluators],
+            NAMES: [one.benchmark.name for one in evaluators],
             "combine": scorer.how if isinstance(scorer, CombinedScorer) else None,
             "method": self.method,
             **self.describe(),

@@ -39,6 +39,7 @@ def augment(sample: Sample, how: Augmentation, multiple: int, rng: Generator) ->
     rows, columns = _window(sample, how.crop, multiple, rng)
     left, right = sample.left[rows, columns], sample.right[rows, columns]
     jitter = rng.random() < how.asymmetric
+    # Both are drawn in any case: what follows must not hang on the jitter.
     first, second = _colours(how, rng), _colours(how, rng)
     left, right = _recolour(left, *first), _recolour(right, *(second if jitter else first))
     if rng.random() < how.erase:

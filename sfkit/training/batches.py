@@ -64,6 +64,7 @@ class Batches:
                         ahead.append(pool.submit(self.step, number + len(ahead)))
                     yield ahead.pop(0).result()
             finally:
+                # What was read ahead of an interrupted training is of no use to anybody.
                 for future in ahead:
                     future.cancel()
 
@@ -93,6 +94,7 @@ def stacked(
     examples: Iterable[Example], inputs: InputConvention, limit: float, size: int, device: torch.device
 ) -> list[Tensors]:
     """At most ``size`` examples in each, all of one shape; truth of ``limit`` and more becomes NaN."""
+    # Neighbours alone are joined, so that examples keep the order their gradients are added in.
     groups = [list(group) for _, group in groupby(examples, key=lambda e: e.truth.shape)]
     parts = [group[i : i + size] for group in groups for i in range(0, len(group), size)]
     return [_tensors(part, inputs, limit, device) for part in parts]

@@ -132,6 +132,7 @@ class _Run:
             course.cpu_seconds, cpu = course.cpu_seconds + now_cpu - cpu, now_cpu
             if course.done % settings.save_every == 0 or course.done == course.steps:
                 self._score_and_save()
+                # Scoring and saving are no time of training.
                 wall, cpu = time.perf_counter(), time.process_time()
             if self.listen is not None and self.rank == 0:
                 self.listen(course)
@@ -144,6 +145,8 @@ class _Run:
             group["lr"] = one_cycle(self.course.done, self.course.steps, peak, settings.warm_up)
         size = settings.micro_batch or len(examples)
         parts = stacked(examples, task.inputs, task.limit, size, task.device)
+        # Counted before any pass: each part's sum is then divided by what the whole step has, on all
+        # processes.
         counts = torch.stack([task.objective.counts(part.truth) for part in parts]).sum(dim=0)
         if self.world > 1:
             dist.all_reduce(counts)
@@ -175,6 +178,7 @@ class _Run:
 
     def _unsynchronised(self, *, last: bool) -> contextlib.AbstractContextManager[None]:
         if isinstance(self.terms, DistributedDataParallel) and not last:
+            # Gradients of micro batches are exchanged once, with the last of them.
             return self.terms.no_sync()
         return contextlib.nullcontext()
 
@@ -185,6 +189,7 @@ class _Run:
         self.network.train()
         if self.task.settings.freeze_batch_norm:
             for module in self.network.modules():
+                # Frozen by evaluation mode: then neither micro batches nor processes change what is computed.
                 if isinstance(module, BatchNorm):
                     module.eval()
 
