@@ -67,9 +67,9 @@ def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
     numbers = ("computed", "cached", "repeated", "failed")
     total = StageCost(
         "total",
-        *(sum(getattr(cost, name) for cost in costs) for name in numbers),
-        math.fsum(cost.seconds for cost in costs),
-        math.fsum(cost.seconds_saved for cost in costs),
+        **{name: sum(getattr(cost, name) for cost in costs) for name in numbers},
+        seconds=math.fsum(cost.seconds for cost in costs),
+        seconds_saved=math.fsum(cost.seconds_saved for cost in costs),
     )
     rows = [
         {

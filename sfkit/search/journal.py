@@ -150,7 +150,7 @@ class JournalledSearch:
     def _read_all(self) -> None:
         """Read what viewers do, so that a record of another form is told here."""
         names = (*self.sources, *self.blocks)
-        said = (self.reason, self.generation, self.started, self.written)
+        said: tuple[object, ...] = (self.reason, self.generation, self.started, self.written)
         said += (self.counts, self.candidates, self.best)
         numbers = [float(value) for value in self.counts.values()]
         if not (all(isinstance(name, str) for name in names) and said and len(numbers) >= 0):
