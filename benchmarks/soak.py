@@ -1,9 +1,10 @@
 """The soak: searches killed at random moments, damaged files by the thousand; what passed, at what cost.
 
-    python benchmarks/soak.py [--kills 200] [--fuzz 2000] [--parts kills fuzz engines] [--read]
+    python benchmarks/soak.py [--kills 200] [--fuzz 2000] [--parts kills fuzz engines faults] [--read]
 
 Runs the tests that ``make soak`` runs, part by part, and keeps what pytest says of each in ``build/soak``;
-``--read`` prints what lies there. A twentieth as many kills fall on each parallel engine.
+``--read`` prints what lies there. A twentieth as many kills fall on each parallel engine. The part ``faults``
+is all tests of faults as ``make test`` runs them, for what they cost there.
 """
 
 from __future__ import annotations
@@ -21,21 +22,47 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 LOGS = ROOT / "build" / "soak"
-PARTS = {
-    "kills": "tests/search/test_search_killed.py",
-    "fuzz": "tests/outside/test_outside_fuzz.py",
-    "engines": "tests/search/test_search_killed_engines.py",
+SOAK = {
+    "kills": ("tests/search/test_search_killed.py",),
+    "fuzz": ("tests/outside/test_outside_fuzz.py",),
+    "engines": ("tests/search/test_search_killed_engines.py",),
 }
+FAULTS = (
+    *(file for files in SOAK.values() for file in files),
+    "tests/search/test_search_bayesian_killed.py",
+    "tests/search/test_search_faults.py",
+    "tests/search/test_search_unlabelled_killed.py",
+    "tests/cli/test_cli_doors.py",
+    "tests/cli/test_cli_places.py",
+    "tests/cli/test_cli_refusals.py",
+    "tests/datasets/test_datasets_half_images.py",
+    "tests/datasets/test_datasets_incomplete.py",
+    "tests/datasets/test_datasets_matching.py",
+    "tests/evaluation/test_engines_isolated.py",
+    "tests/evaluation/test_evaluation_rescue.py",
+    "tests/evaluation/test_evaluation_store.py",
+    "tests/evaluation/test_evaluation_written.py",
+    "tests/factory/test_factory_places.py",
+    "tests/files/test_files_writing.py",
+    "tests/merging/test_merging_bound.py",
+    "tests/merging/test_merging_kept_buffers.py",
+    "tests/merging/test_merging_unchanged.py",
+    "tests/outside/test_outside_reading.py",
+    "tests/reports/test_reports_hostile.py",
+    "tests/reports/test_reports_interrupted.py",
+    "tests/architectures/test_code_identity.py",
+)
+PARTS = {**SOAK, "faults": FAULTS}
 _SHARE, _READER = "at_a_random_moment", "only_sentences_come_out"
 
 
 @dataclass(frozen=True)
 class Part:
-    """One file of tests.
+    """Tests that ran together.
 
     Attributes:
-        name: ``kills``, ``fuzz`` or ``engines``.
-        asked: how many kills in all, damaged files a reader, or kills of an engine.
+        name: ``kills``, ``fuzz``, ``engines`` or ``faults``.
+        asked: how many kills in all, damaged files a reader, kills of an engine, or files of tests.
         passed: tests that passed, by name.
         failed: tests that did not.
         seconds: CPU seconds of all its processes; NaN where it was stopped.
@@ -55,6 +82,8 @@ class Part:
         if self.name == "fuzz":
             readers = len(self._of(_READER))
             return f"{readers * self.asked:,} damaged files, {self.asked:,} for each of {readers} readers"
+        if self.name == "faults":
+            return f"the tests of faults, {self.asked} files, as `make test` runs them"
         ends = {"test_processes": self.asked, "test_ray": max(1, self.asked // 2)}
         there = [f"{n} kills with {name[5:]}" for name, n in ends.items() if self._of(name)]
         return ", ".join(there) or "no kill of a parallel search"
@@ -65,16 +94,15 @@ class Part:
 
 def run(name: str, kills: int, fuzz: int, log: Path) -> None:
     """Run one part and keep what pytest says of it."""
-    asked = {"kills": kills, "fuzz": fuzz, "engines": -(-kills // 20)}[name]
-    environment = {
-        **os.environ,
-        "OMP_NUM_THREADS": "1",
+    asked = {"kills": kills, "fuzz": fuzz, "engines": -(-kills // 20), "faults": len(FAULTS)}[name]
+    more = {
         "SFKIT_FUZZ": str(fuzz),
         "SFKIT_KILLS": str(kills),
         "SFKIT_ENGINE_KILLS": str(-(-kills // 20)),
         "SFKIT_KILLS_SEED": str(int(time.time())),
     }
-    words = [sys.executable, "-m", "pytest", "--slow", "-v", "-o", "faulthandler_timeout=0", PARTS[name]]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", **(more if name in SOAK else {})}
+    words = [sys.executable, "-m", "pytest", "--slow", "-v", "-o", "faulthandler_timeout=0", *PARTS[name]]
     log.parent.mkdir(parents=True, exist_ok=True)
     before = _spent()
     with log.open("w", encoding="utf-8") as stream:

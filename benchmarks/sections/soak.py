@@ -19,6 +19,7 @@ def section() -> str:
 `python benchmarks/soak.py`, which runs the tests of `make soak KILLS=200`. A search is killed with SIGKILL
 at a random moment between its first and its last evaluation and started again: it must end with the same
 files to the last byte, and compute nothing twice. Readers of outside data get sound files with a few bytes
-cut out, put in or changed: only `InputError` may come out.
+cut out, put in or changed: only `InputError` may come out. `faults` is what all tests of faults cost within
+`make test`, where they may take five minutes.
 
 {table(parts)}{note}"""

@@ -47,8 +47,12 @@ def test_readers_and_engines(soak: ModuleType) -> None:
     assert soak.read("engines", "asked 10\n").said == "no kill of a parallel search"
 
 
-def test_every_part_is_a_file_of_the_soak_s(soak: ModuleType) -> None:
+def test_every_part_is_files_that_are_there_and_the_soak_s_those_of_make(soak: ModuleType) -> None:
     make = (FOLDER.parent / "Makefile").read_text()
-    for file in soak.PARTS.values():
-        assert (FOLDER.parent / file).is_file()
-        assert file in make
+    for name, files in soak.PARTS.items():
+        for file in files:
+            assert (FOLDER.parent / file).is_file()
+            assert name == "faults" or file in make
+    assert len(set(soak.FAULTS)) == len(soak.FAULTS) > 20
+    faults = soak.read("faults", f"asked {len(soak.FAULTS)}\n{SHARE}[0] PASSED\ncpu 281.0\n")
+    assert faults.said == f"the tests of faults, {len(soak.FAULTS)} files, as `make test` runs them"
