@@ -23,6 +23,24 @@ LARGEST = 256 * 2**20  # bytes
 _LONG_NUMBER = re.compile(rf"[0-9_]{{{DIGITS + 1}}}")
 
 
+def toml_value(value: object) -> str:
+    """A value as TOML writes it: strings, numbers, truth values and lists of them are as in JSON.
+
+    Raises:
+        UnicodeEncodeError: a string is no text (:func:`is_text`), which neither holds.
+    """
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + " }"
+    text = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # which JSON leaves as it is
+    text.encode()
+    return text
+
+
+def is_text(text: str) -> bool:
+    """Whether UTF-8 can say it: names of files need not."""
+    return not any("\ud800" <= character <= "\udfff" for character in text)
+
+
 def read_toml(path: Path, expected: str = "correct the file") -> dict[str, Any]:
     """A TOML file's content.
 

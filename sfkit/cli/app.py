@@ -75,6 +75,8 @@ def _run(words: list[str]) -> int:
         if error.filename is None:
             raise
         return _refuse(f"{error.filename}: {error.strerror}", 2)
+    except MemoryError as error:
+        return _refuse(f"memory does not suffice ({error}), take smaller images or fewer workers", 2)
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     if code == 130:  # typer, too, makes this of Ctrl-C

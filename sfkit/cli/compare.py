@@ -59,6 +59,7 @@ def compare(
 
     metrics = names(data.metric or "")
     chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
+    chosen.ensure_measurable(metrics)
     a, b = _called(first, second)
     places = Places(csv=data.csv)
     places.reads("A", first)

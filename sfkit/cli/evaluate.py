@@ -78,6 +78,7 @@ def evaluate(
 
     metrics = names(data.metric or "")
     chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
+    chosen.ensure_measurable(metrics)
     places = Places(subset_from=subset_from, csv=data.csv)
     for file in recipe or ():
         places.reads("--recipe", file)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.checkpoints.targets import FileForm, check_target
-from sfkit.cli.options import ForceOption, JsonOption, emit, say
+from sfkit.cli.options import ForceOption, JsonOption, NetworkOption, emit, network_options, say
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
@@ -33,6 +33,7 @@ def command(
     architecture: Annotated[
         str | None, typer.Option("--architecture", "-a", help="For a base that does not say it.")
     ] = None,
+    option: NetworkOption = None,
     settings: Annotated[
         Path | None, typer.Option("--settings", help="A TOML file of training settings.")
     ] = None,
@@ -109,6 +110,7 @@ def command(
             pairs,
             out,
             name=architecture,
+            options=network_options(option),
             settings=chosen,
             validation=scored,
             device=device,

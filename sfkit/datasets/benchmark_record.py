@@ -85,6 +85,20 @@ class Benchmark:
         asked = metrics_of(*metrics)
         return tuple(asked) if self.labelled else tuple(one for one in asked if not one.needs_truth)
 
+    def ensure_measurable(self, metrics: Iterable[str | Metric]) -> None:
+        """Refuse metrics that its pairs cannot be measured by.
+
+        Raises:
+            InputError: there is no ground truth, which a metric needs.
+        """
+        measured = self.measurable(metrics)
+        lost = [one.name for one in metrics_of(*metrics) if one not in measured]
+        if lost:
+            raise InputError(
+                f"benchmark {self.name!r}: {', '.join(lost)} needs ground truth and its pairs have none, "
+                "expected census"
+            )
+
     @property
     def coverage(self) -> str:
         """How much of the data set is here, such as ``1 of 27 pairs``."""

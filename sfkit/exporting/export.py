@@ -30,6 +30,7 @@ from sfkit.merging.saving import write_beside
 Pair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 SIZE = (384, 1248)  # KITTI's images, padded
 TOLERANCE = 1e-3
+_MOST = 2**26  # pixels of an image: more than any camera of a pair has
 """Pixels: what rounding may move the 99th percentile."""
 
 
@@ -177,11 +178,13 @@ def rendered_pair(size: tuple[int, int]) -> Pair:
     """A synthetic pair of (height, width), to run a network on where no real one is at hand.
 
     Raises:
-        InputError: a size below 16 pixels.
+        InputError: a size below 16 pixels, or of more than ``_MOST``.
     """
     height, width = size
     if min(size) < 16:
         raise InputError(f"size: found {height}x{width}, expected at least 16 pixels")
+    if height * width > _MOST:
+        raise InputError(f"size: found {height}x{width}, expected at most {_MOST:,} pixels, as 8192x8192 has")
     rendered = synthetic_pair(next(iter(domains().values())), 0, split="held-out", height=height, width=width)
     return rendered.left, rendered.right
 

@@ -8,8 +8,8 @@ from typing import Any
 
 from sfkit import bank
 from sfkit.checkpoints.spec import read_pool_spec
-from sfkit.factory.file import toml_value
 from sfkit.files import write_text
+from sfkit.outside import toml_value
 
 TESTS = ("grey-workshop", "hazy-road")
 

@@ -37,14 +37,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from sfkit.bank.rendered import RenderedPair
-from sfkit.checkpoints.spec import SOURCE_NAME
+from sfkit.checkpoints.spec import ROWS, SOURCE_NAME
 from sfkit.datasets.benchmark import open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.synthetic import domains
@@ -177,7 +176,7 @@ def read_factory(path: str | Path) -> Factory:
         architecture=text(values["architecture"], f"{path}: architecture"),
         options=tables["options"],
         orders=orders,
-        joint=_joint(orders, common, path) if values.get("joint", False) else None,
+        joint=_joint(orders, common, path) if _truth(values, "joint", str(path)) else None,
         validation=validation,
         combine=combine,
         tests=tests,
@@ -192,28 +191,32 @@ def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, An
     _known(f"key of {where}", entry, SOURCE_KEYS)
     if not SOURCE_NAME.fullmatch(name):
         raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
-    if name == JOINT:
-        raise InputError(f"{path}: found a source called {JOINT!r}, which names the joint network; rename it")
+    if name in (JOINT, *ROWS):
+        raise InputError(
+            f"{path}: found a source called {name!r}, which names another network in tables; rename it"
+        )
     data = _data(path, where, entry)
     if "pairs" in entry:
         data = data.first(_whole(entry["pairs"], f"{where}: pairs", least=1))
     own = table(entry.get("training", {}), f"[sources.{name}.training] in {path}")
     settings = TrainingSettings.from_dict({**common, **own}, where)
-    return Order(name, data, settings, str(entry.get("licence", "")))
+    return Order(name, data, settings, text(entry.get("licence", ""), f"{where}: licence"))
 
 
 def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
-    name = str(entry.get("data", ""))
+    name = text(entry.get("data", ""), f"{where}: data")
     collection, colon, domain = name.partition(":")
     if collection == "bank" and colon:
         if domain not in domains():
             raise unknown_name("domain of the bank", domain, domains())
-        pairs = tuple(RenderedPair(domain, index, "train") for index in range(int(entry.get("pairs", 160))))
+        count = _whole(entry.get("pairs", 160), f"{where}: pairs", least=1)
+        pairs = tuple(RenderedPair(domain, index, "train") for index in range(count))
         return TrainingSet(name, pairs, licence="Apache-2.0")
     if "root" not in entry:
         raise InputError(f"{where}: the key root is missing, expected the folder of {name!r}")
-    root = path.parent / home(str(entry["root"]))
-    return open_training_set(name, root, hold_out=not entry.get("all", False), coding=entry.get("coding"))
+    root = path.parent / home(text(entry["root"], f"{where}: root"))
+    coding = None if "coding" not in entry else text(entry["coding"], f"{where}: coding")
+    return open_training_set(name, root, hold_out=not _truth(entry, "all", where), coding=coding)
 
 
 def _given(path: Path, entry: Any) -> dict[str, Any]:
@@ -256,11 +259,12 @@ def _whole(value: object, where: str, least: int = 0) -> int:
     return value
 
 
-def toml_value(value: object) -> str:
-    """A value as TOML writes it: strings, numbers, truth values and lists of them are as in JSON."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {toml_value(entry)}" for key, entry in value.items()) + " }"
-    return json.dumps(value, ensure_ascii=False)
+def _truth(values: Mapping[str, Any], key: str, where: str) -> bool:
+    """A flag that is off unless it is said."""
+    value = values.get(key, False)
+    if not isinstance(value, bool):
+        raise InputError(f"{where}: {key}: found {value!r}, expected true or false")
+    return value
 
 
 def _known(what: str, values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:

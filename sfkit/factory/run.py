@@ -18,13 +18,14 @@ from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import SfkitWarning
 from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Scorer
-from sfkit.factory.file import JOINT, Factory, toml_value
+from sfkit.factory.file import JOINT, Factory
 from sfkit.factory.places import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
 from sfkit.factory.status import Item, file_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
 from sfkit.merging.network import load_network
+from sfkit.outside import toml_value
 from sfkit.search.pipeline import SearchResult, search_pool
 from sfkit.search.progress import generation_note
 from sfkit.search.records import Generation

@@ -14,6 +14,7 @@ from sfkit.architectures import Architecture, InputConvention, architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
 from sfkit.merging.members import PoolOpener
+from sfkit.merging.recognition import whose_keys
 from sfkit.merging.saving import read_origin
 from sfkit.merging.tensor_specs import tensor_specs
 
@@ -49,7 +50,10 @@ def load_network(
     """
     path = Path(path)
     entry, chosen = _architecture(path, name, options or {})
-    file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
+    try:
+        file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
+    except InputError as error:
+        raise InputError(f"{error}{whose_keys(path, entry.name)}") from error
     for key, tensor in file.tensors.items():
         check_values(path, key, tensor)
     network = entry.build(**chosen)

@@ -16,7 +16,7 @@ from sfkit.merging.flat import FlatLayout
 from sfkit.merging.members import Checked, PoolOpener, assemble
 from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.pool import Pool
-from sfkit.merging.recognition import recognised
+from sfkit.merging.recognition import whose_keys
 from sfkit.merging.tensor_specs import tensor_specs
 
 SHIPPED = "sfkit.bank"  # stands further right, and is imported when a name is looked up
@@ -72,7 +72,7 @@ def open_pool(
         base_file, *files = opener.headers((spec.base, *spec.sources))
         base_file = base_file or opener.read(spec.base.path, is_base=True, wrapping=spec.base.wrapping)
     except InputError as error:
-        raise InputError(f"{error}{_another_architecture(spec, entry.name)}") from error
+        raise InputError(f"{error}{whose_keys(spec.base.path, entry.name)}") from error
     base, record = opener.base(spec.base, base_file)
     order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
     told = progress or (lambda *_: None)
@@ -104,17 +104,6 @@ def open_pool(
     if wanted is None or isinstance(wanted, str):
         return pool
     return pool.with_blocks(wanted if isinstance(wanted, BlockPartition) else BlockPartition.of(wanted))
-
-
-def _another_architecture(spec: PoolSpec, name: str) -> str:
-    """Whose keys the base has, after a semicolon; nothing where they fit, or fit nothing that is known."""
-    try:
-        others = recognised(spec.base.path)
-    except InputError:  # it cannot be read at all, which has been said
-        return ""
-    if not others or name in others:
-        return ""
-    return f"; its keys are those of {' or '.join(others)}: is architecture = {name!r} what you meant?"
 
 
 def _refuse_twins(sources: Sequence[Checked]) -> None:

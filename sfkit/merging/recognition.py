@@ -17,6 +17,7 @@ from sfkit.checkpoints.spec import ROWS
 from sfkit.errors import InputError, SfkitWarning, unknown_name
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.tensor_specs import tensor_specs
+from sfkit.outside import is_text, toml_value
 
 BASES = ("base", "pretrain", "sceneflow", "scene_flow")
 """Words in the names of files that others were fine-tuned from."""
@@ -60,6 +61,20 @@ def recognised(path: Path) -> tuple[str, ...]:
     return tuple(fitting)
 
 
+def whose_keys(path: Path, name: str) -> str:
+    """Whose keys a file has that does not fit an architecture, after a semicolon, for the end of a sentence.
+
+    Nothing where they are that one's after all, or of nothing that is known.
+    """
+    try:
+        others = recognised(path)
+    except InputError:  # it cannot be read at all, which has been said
+        return ""
+    if not others or name in others:
+        return ""
+    return f"; its keys are those of {' or '.join(others)}: is architecture = {name!r} what you meant?"
+
+
 def family(folder: Path, base: str | None = None) -> Family:
     """The checkpoints of a folder as a pool: one architecture, a base, and sources.
 
@@ -81,6 +96,9 @@ def family(folder: Path, base: str | None = None) -> Family:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SfkitWarning)
         for path in files:
+            if not is_text(str(path)):
+                skipped[path] = f"{path.stem!r}: has a name that is no UTF-8, which no TOML can hold"
+                continue
             try:
                 read_checkpoint(path)
             except InputError as error:
@@ -132,19 +150,19 @@ def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str], sai
 def pool_toml(found: Family, name: str) -> str:
     """A commented ``pool.toml`` for a family, to lie in its folder."""
     lines = [
-        f'name = "{name}"',
+        f"name = {toml_value(name)}",
         f'architecture = "{found.architecture}"    # recognised by the keys',
         "",
         f"# Guessed: even the farthest other is near ({found.distances[found.base]:.3f} of its norm).",
         "[base]",
-        f'file = "{found.base.name}"',
+        f"file = {toml_value(found.base.name)}",
         'licence = ""    # fill in: it is carried into every merged file',
     ]
     lines = [line.replace('licence = ""', '# licence = "..."') for line in lines]
     for path, key in zip(found.sources, _names(found.sources), strict=True):
         lines += ["", f"[sources.{key}]    # cosine to the base {found.cosines[path]:.3f}"]
-        lines += [f'file = "{path.name}"', '# licence = "..."    # and what it was trained on']
-    lines += [f"\n# left out: {why}" for why in found.skipped.values()]
+        lines += [f"file = {toml_value(path.name)}", '# licence = "..."    # and what it was trained on']
+    lines += [f"\n# left out: {toml_value(' '.join(why.split()))[1:-1]}" for why in found.skipped.values()]
     return "\n".join(lines) + "\n"
 
 

@@ -25,6 +25,19 @@ from sfkit.merging import open_pool
 
 PAIRS = "-b pairs -r pairs"
 LEFT, RIGHT = "pairs/pair0/left.png", "pairs/pair0/right.png"
+ANYNET = "--architecture anynet --option spn=false --option ranges=[4,3,3]"
+FINETUNE = "finetune pool/base.safetensors pairs -r pairs -a anynet -o x.safetensors"
+FACTORY = """name = "f"
+base = "pool/base.safetensors"
+architecture = "anynet"
+{joint}
+[sources.{source}]
+data = "bank:haze"
+pairs = {pairs}
+[validation]
+name = "bank:courtyard"
+pairs = 1
+"""
 LATIN = os.fsdecode(b"caf\xe9")  # a name that is no UTF-8
 BOMB = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 9)
@@ -40,6 +53,13 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         value = {"deep": "[" * 100_000 + "]" * 100_000, "digits": "9" * 10_000}[name]
         (world / f"{name}.toml").write_text(f"seed = {value}")
         (world / f"{name}.json").write_text(value)
+    sound = {"joint": "", "source": "haze", "pairs": "2"}
+    for name, edit in (
+        ("uniform", {"source": "uniform"}),
+        ("joint", {"joint": 'joint = "no"'}),
+        ("pairs", {"pairs": '"2"'}),
+    ):
+        (world / f"{name}.toml").write_text(FACTORY.format(**{**sound, **edit}))
     (world / "loop").symlink_to("loop")
     (world / "nowhere").symlink_to("absent")
     (world / "folder.pth").mkdir()
@@ -134,6 +154,24 @@ DOORS = (
     ("report 01_quickstart -o page.html", "page.html", "a folder"),
     (f"evaluate bomb/pool --uniform {PAIRS}", "cfg.yaml", "aliases are written out"),
     ("show \x1b[31mred.pth", "\\x1b[31mred.pth", "no such file"),
+    (
+        "compare pool/base.safetensors pool/a.safetensors -b unlabelled -r pairs --metric census,epe",
+        "epe needs ground truth",
+    ),
+    ("evaluate pool --uniform -b unlabelled -r pairs --metric census,d1", "d1 needs ground truth"),
+    (f"export pool/base.safetensors {ANYNET} --size 99999x99999 -f torch -o x.pt2", "99999x99999", "at most"),
+    *(
+        (line, "its keys are those of anynet", "is architecture = 'nmrf-res'")
+        for line in (
+            "finetune pool/base.safetensors pairs -r pairs -a nmrf-res -o x.safetensors",
+            f"predict pool/base.safetensors --architecture nmrf-res -l {LEFT} -r {RIGHT} -o new",
+        )
+    ),
+    (f"{FINETUNE} --option spn", "--option", "NAME=VALUE"),
+    (f"{FINETUNE} --option snp=false", "unknown option", "'spn'"),
+    ("factory status uniform.toml", "a source called 'uniform'"),
+    ("factory status joint.toml", "joint: found 'no', expected true or false"),
+    ("factory status pairs.toml", "pairs: found '2', expected a whole number"),
     (f"merge pool --uniform -o {LATIN}.safetensors", "caf\\udce9.safetensors", "no UTF-8"),
 )
 
