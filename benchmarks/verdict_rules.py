@@ -32,6 +32,8 @@ from sfkit.analysis.verdict import estimate_between, simplicity
 from sfkit.bank import VALIDATION, benchmark, benchmarks
 from sfkit.evaluation.metrics import ImageErrors
 from sfkit.merging import Pool, Recipe
+from sfkit.search.averaging import average
+from sfkit.streams import Stream, generator
 
 POPULATION, GENERATIONS, EVALUATIONS = 12, 3, 40
 BANK_SEEDS = {3: 4, 5: 4, 8: 4}
@@ -130,7 +132,8 @@ def chosen(
 ) -> tuple[dict[str, str], Recipe]:
     """Rule -> the network it takes; and the average of what wins bootstrap resamples of the pairs.
 
-    The first three rules and the vote choose among the networks a verdict has; the average is over the
+    As ``SearchPlan(resamples=200)`` does it, over pairs of one metric that count alike. The first three rules
+    and the vote choose among the networks a verdict has; the average is over the
     winners among everything the stages scored.
     """
     scores = {name: validation.score(name) for name in named}
@@ -144,32 +147,19 @@ def chosen(
             if rungs[name] < rungs[best] and between and -between.value <= errors * between.error:
                 close.append(name)
         choices[f"{errors} SE"] = min(close, key=lambda name: (rungs[name], scores[name]))
-    generator = np.random.default_rng([seed, 11])
-    resamples = generator.integers(len(validation.ids), size=(DRAWS, len(validation.ids)))
+    pairs = len(validation.ids)
+    resamples = generator(seed, Stream.BOOTSTRAP_AVERAGE).integers(pairs, size=(DRAWS, pairs))
     winners = Counter(winning(list(searched), validation, resamples))
     votes = Counter(winning(list(named), validation, resamples))
-    return {**choices, "bagged": "bagged", "vote": votes.most_common(1)[0][0]}, averaged(searched, winners)
+    won = {searched[name]: count for name, count in winners.items()}
+    bagged = average(won, list(dict.fromkeys(source for recipe in won for source in recipe.sources)))
+    return {**choices, "bagged": "bagged", "vote": votes.most_common(1)[0][0]}, bagged
 
 
 def winning(names: Sequence[str], validation: Measured, resamples: np.ndarray) -> list[str]:
     """The network of least error on each resample of the pairs; the earlier one of equals."""
     errors = np.stack([validation.terms(name)[0] for name in names])
     return [names[place] for place in errors[:, resamples].mean(axis=2).argmin(axis=0)]
-
-
-def averaged(recipes: Networks, counts: Mapping[str, int]) -> Recipe:
-    """One recipe whose block strengths, gamma pi, are the mean of several, each as often as it won."""
-    first = next(iter(recipes.values()))
-    sources = tuple(dict.fromkeys(name for won in counts for name in recipes[won].sources))
-    strength = np.zeros((len(first.blocks), len(sources)))
-    for won, count in counts.items():
-        recipe = recipes[won]
-        for b, (row, scale) in enumerate(zip(recipe.weights, recipe.scales, strict=True)):
-            for name, weight in zip(recipe.sources, row, strict=True):
-                strength[b, sources.index(name)] += scale * weight * count / sum(counts.values())
-    scales = strength.sum(axis=1)
-    weights = strength / scales[:, None]
-    return Recipe(sources, first.blocks, tuple(map(tuple, weights.tolist())), tuple(scales.tolist()))
 
 
 def pooled(measured: Sequence[Measured]) -> Measured:

@@ -96,22 +96,14 @@ class Measured:
         return self.images[network]
 
     def terms(self, network: str, *, metric: str | None = None) -> tuple[Values, Values]:
-        """The score as a ratio of two sums over images: numerators and denominators, each (N,).
+        """The score as a ratio of two sums over images (:meth:`~sfkit.datasets.protocols.Rule.terms`).
 
-        For a mean over images these are the images' values and ones; for a score pooled over pixels, 100
-        times the bad pixels and the pixels that count. The protocol's score is sum / sum, of the benchmark
-        as it is and of any resampling of its images. Both are empty where the network failed.
+        Both are empty where the network failed.
 
         Raises:
             InputError: as :meth:`score`.
         """
-        errors, measure = self.of(network), Metric.parse(metric or self.metric)
-        if rule(self.protocol, self.family).pools(measure):
-            counts = [measure.ratio(image) for image in errors]
-        else:
-            counts = [(image.value(measure), 1.0) for image in errors]
-        numerators, denominators = np.array(counts, dtype=np.float64).reshape(-1, 2).T
-        return numerators, denominators
+        return rule(self.protocol, self.family).terms(self.of(network), metric or self.metric)
 
 
 def measure_recipes(

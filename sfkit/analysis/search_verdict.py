@@ -16,6 +16,7 @@ from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
+from sfkit.search.averaging import AVERAGED
 
 BASE, UNIFORM = "base", "uniform"
 WIDTH, MIN_WIDTH = 80, 26
@@ -127,7 +128,7 @@ def search_verdict(
 
     Args:
         pool: whose sources were searched.
-        stages: ``Stage 1`` and ``Stage 1+2``, or one of them: what the search found.
+        stages: ``Stage 1``, ``Stage 1+2``, ``averaged winner``, or some of them: what the search found.
         guides: evaluators of the benchmarks that guided it.
         tests: evaluators of benchmarks that guided nothing, each of another name.
         evaluations: name of a stage -> what finding it took.
@@ -152,7 +153,9 @@ def search_verdict(
         replace(one, images={label: one.images[name] for name, label in labels.items()}) for one in measured
     ]
     rivals = {label: recipes[name] for name, label in labels.items() if name != BASE}
-    found = verdict(rivals, shown[: len(guided)], shown[len(guided) :], evaluations=evaluations)
+    found = verdict(
+        rivals, shown[: len(guided)], shown[len(guided) :], evaluations=evaluations, averaged=AVERAGED
+    )
     return SearchVerdict(measured, single, compare_networks(shown, labels[single]), found, rivals)
 
 

@@ -42,6 +42,11 @@ class Against:
         return self.validation is not None and -self.validation.value > self.validation.error
 
     @property
+    def clear(self) -> bool:
+        """Whether the interval of the difference on validation leaves 0 out, in favour of the other."""
+        return self.validation is not None and self.validation.interval()[1] < 0.0
+
+    @property
     def refuted(self) -> bool:
         """Whether the tests show the simpler network better."""
         return self.tests is not None and self.tests.value > 0.0 and self.p < 1.0 - LEVEL
@@ -58,7 +63,8 @@ class Verdict:
 
     Attributes:
         recommended: the network's name.
-        preferred: the one validation prefers; another where the tests overrule it.
+        preferred: the one validation prefers, which is the averaged winner where there is one; another than
+            ``recommended`` where the tests overrule it.
         simplest: the simplest network that validation cannot tell from ``preferred``; None where it tells
             ``preferred`` from every simpler one.
         support: what the tests say.
@@ -70,6 +76,9 @@ class Verdict:
         metric: what the scores are.
         score: of ``recommended`` on validation, the mean over its benchmarks.
         reason: why, in plain sentences, the most important first.
+        lowest: the network that scores lowest on validation.
+        lowest_score: its score there.
+        averaged: whether ``preferred`` is the averaged winner.
     """
 
     recommended: str
@@ -84,6 +93,9 @@ class Verdict:
     metric: str
     score: float
     reason: tuple[str, ...]
+    lowest: str
+    lowest_score: float
+    averaged: bool = False
 
     @property
     def sentence(self) -> str:

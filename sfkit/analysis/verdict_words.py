@@ -19,6 +19,7 @@ def with_reason(
     found: Verdict,
     unlike: str | None,
     evaluations: Mapping[str, int],
+    clear: bool,
 ) -> Verdict:
     """The verdict with its reason.
 
@@ -26,8 +27,9 @@ def with_reason(
         found: the verdict.
         unlike: the simpler network to name beside it; None where there is none.
         evaluations: network name -> what finding it took, where that is known.
+        clear: whether the intervals to all simpler networks on validation leave 0 out.
     """
-    said = [*_first(found), *_second(found, unlike)]
+    said = [*_first(found), *_second(found, unlike, clear)]
     if unlike is not None and {unlike, found.preferred} <= evaluations.keys():
         more = evaluations[found.preferred] - evaluations[unlike]
         if more > 0:
@@ -40,19 +42,36 @@ def _first(found: Verdict) -> list[str]:
     guide = f"{' and '.join(found.validation)} ({found.pairs} pair{'s' * (found.pairs != 1)})"
     if found.support is Support.OVERRULED:
         what = "Stage 2" if found.preferred.startswith(STAGE2) else found.preferred
+        chose = f"scores lowest on {guide}, which chose it"
+        if found.averaged:
+            chose = f"averages what wins resamples of {guide}"
         against = found.against(found.recommended)
         assert against.tests is not None
         return [
             f"{what} is not supported here: take {found.recommended}.",
-            f"{found.preferred} scores lowest on {guide}, which chose it, but on what guided nothing "
+            f"{found.preferred} {chose}, but on what guided nothing "
             f"({', '.join(found.tests)}) it is worse than {found.recommended} by "
             f"{_difference(against.tests, found.metric)}.",
         ]
+    if found.averaged:
+        return _average(found, guide)
     among = f", chosen among {found.candidates} networks there" if found.candidates > 1 else ""
     return [f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}{among}."]
 
 
-def _second(found: Verdict, unlike: str | None) -> list[str]:
+def _average(found: Verdict, guide: str) -> list[str]:
+    """The averaged winner, and what is given up for it."""
+    said = (
+        f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}, the average of "
+        "what wins resamples of these pairs."
+    )
+    if found.score <= found.lowest_score:
+        return [f"{said} It also scores lowest there, among {found.candidates} networks."]
+    lowest = f"{found.lowest} scores lowest there ({score_text(found.metric, found.lowest_score)})"
+    return [said, f"{lowest}, but what is best on few pairs need not be best elsewhere (docs/results.md)."]
+
+
+def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
     """The simpler network beside it, on validation and on tests."""
     if unlike is None or found.support is Support.OVERRULED:
         return []
@@ -60,10 +79,17 @@ def _second(found: Verdict, unlike: str | None) -> list[str]:
     shown = "" if against.validation is None else f" ({_difference(against.validation, found.metric)})"
     if found.pairs < FEWEST_IMAGES * len(found.validation):
         said = [f"So few pairs cannot tell it from {unlike}, which is simpler{shown}."]
+    elif against.validation is not None and against.validation.interval()[0] > 0.0:
+        said = [f"On validation {unlike}, which is simpler, scores lower{shown}."]
     elif found.simplest is not None:
         said = [f"Validation cannot tell it from {unlike}, which is simpler{shown}."]
-    else:
+    elif clear:
         said = [f"Validation tells it from every simpler network, the nearest being {unlike}{shown}."]
+    else:
+        said = [
+            "Every simpler network is more than one standard error behind it on validation, which is a hint "
+            f"and no proof; the nearest is {unlike}{shown}."
+        ]
     if against.tests is None:
         said.append("No benchmark is left that guided nothing, so that nothing here is a test.")
     else:

@@ -9,7 +9,9 @@ from sfkit.analysis.search_verdict import SearchVerdict, search_verdict
 from sfkit.cli.terminal import Bars, say
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging import Pool
+from sfkit.search.averaging import AVERAGED
 from sfkit.search.pipeline import SearchResult
+from sfkit.search.run_folder import BEST
 
 
 class Judge:
@@ -48,9 +50,13 @@ class Judge:
         lines = [*self._verdict.lines]
         if self._verdict.recipe != found.recipe:
             subset = ",".join(self._verdict.recipe.sources)
+            how, what = f"--subset {subset}", "what scores best on validation"
+            if found.recipe != found.best:
+                what = f"the {AVERAGED}"
+                how = f"--recipe {found.folder / BEST}" if self._verdict.recipe == found.best else how
             lines.append(
-                f"{found.merged} is what scores best on validation; for {self._verdict.verdict.recommended}: "
-                f"sfkit merge POOL --subset {subset} --out FILE"
+                f"{found.merged} is {what}; for {self._verdict.verdict.recommended}: "
+                f"sfkit merge POOL {how} --out FILE"
             )
         return lines
 

@@ -68,6 +68,12 @@ def search(
     start: Annotated[
         Path | None, typer.Option(help="Stage 2: a recipe to start from as well; needs --subset.")
     ] = None,
+    resamples: Annotated[
+        int,
+        typer.Option(
+            help="Average what wins so many resamples of the validation pairs, such as 200; 0 takes the best."
+        ),
+    ] = 0,
     blocks: Annotated[
         str | None,
         typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
@@ -93,6 +99,7 @@ def search(
       sfkit search pool.toml -b pairs -r ~/pairs --subset a,b --evaluations 200
       sfkit search pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst --holdout 0.5
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
+      sfkit search pool.toml -b pairs -r ~/pairs --resamples 200
     """
     from sfkit.analysis.overfit import holdout_check
     from sfkit.analysis.search_verdict import missing
@@ -115,6 +122,7 @@ def search(
         else RoutingSettings(**{**stage2, "tied": stage2["tied"] and "rank" not in stage2}),
         constraints=constraints,
         start=recipe_of(start) if start is not None else None,
+        resamples=resamples,
     )
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     guides, combine = guides_of(data.open(), guidance), guidance.combine
@@ -129,17 +137,20 @@ def search(
     plan.check(opened)
     ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)
     guide = guide_of(opened, guides, combine, compute)
+    plan.check_scorer(guide)
     judges = [Evaluator(opened, one, compute=compute) for one in tests]
     with (
         run_folder(out, plan.identity(opened, guide), force=force) as folder,
         scoring(opened, guide, kept_in) as (evaluators, scorer),
     ):
         judges = [one.with_store(evaluators[0].store) for one in judges]
-        if doubt := few_pairs(sum(len(guide) for guide in guides), plan.stage2):
+        doubt = few_pairs(sum(len(guide) for guide in guides), plan.stage2)
+        if doubt and not plan.resamples:
             say(doubt)
         price = cost(opened, evaluators, plan)
         say(f"cost: {price}")
-        say(f"verdict: {missing(opened, evaluators, judges, stages=1 if plan.stage2 is None else 2)}")
+        brings = 1 + (plan.stage2 is not None) + (plan.resamples > 0)
+        say(f"verdict: {missing(opened, evaluators, judges, stages=brings)}")
         if other := _other_cost(plan, price, opened):
             say(other)
         long = price.minutes > LONG and sys.stdin.isatty() and not yes
@@ -190,8 +201,9 @@ def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
 
     if stage2 is None or pairs >= LEAST or stage2.shrinkage > 0 or stage2.entropy > 0:
         return None
+    average = "--resamples 200, " if pairs > 1 else ""
     return (
-        f"few pairs: what Stage 2 gains on {pairs} need not show elsewhere (docs/validation.md); "
+        f"few pairs: what Stage 2 gains on {pairs} need not show elsewhere (docs/validation.md); {average}"
         "--shrinkage 0.05 or more benchmarks (--also) help"
     )
 
@@ -213,6 +225,12 @@ def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float
 
     unit = "" if metric is None else metric.unit
     lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]
+    if found.averaged is not None:
+        wins, draws = found.averaged.wins, found.averaged.resamples
+        lines = [
+            f"averaged winner, {metric or LABEL}: {found.averaged.score:.4f} {unit}  "
+            f"({len(wins)} candidates win {draws} resamples)"
+        ]
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):
         if best is not None:
             lines.append(f"  {stage}: {best.score:.4f} {unit}  {', '.join(best.subset)}")

@@ -25,10 +25,13 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sfkit.datasets.metric import ImageSums, Mask, Metric
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
+
+Values = NDArray[np.float64]
 
 DEFAULT_PROTOCOL = "openstereo"
 PAIRS_PROTOCOL = "all-valid"
@@ -105,6 +108,21 @@ class Rule:
     def pools(self, metric: Metric) -> bool:
         """True where the score is of the pixels of all images together."""
         return self.pooled and metric.pools
+
+    def terms(self, errors: Sequence[ImageScore], metric: Metric | str) -> tuple[Values, Values]:
+        """The score as a ratio of two sums over images: numerators and denominators, each (N,).
+
+        For a mean over images these are the images' values and ones; for a score pooled over pixels, 100
+        times the bad pixels and the pixels that count. The score is sum / sum, of the benchmark as it is and
+        of any resampling of its images.
+        """
+        metric = Metric.parse(metric)
+        if self.pools(metric):
+            counts = [metric.ratio(image) for image in errors]
+        else:
+            counts = [(image.value(metric), 1.0) for image in errors]
+        numerators, denominators = np.array(counts, dtype=np.float64).reshape(-1, 2).T
+        return numerators, denominators
 
     def aggregate(self, errors: Sequence[ImageScore], metric: Metric | str, *, region: str = "all") -> float:
         """The benchmark's score, in the metric's unit, from its images' records.

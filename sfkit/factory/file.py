@@ -33,6 +33,7 @@
     evaluations = 300                   # 0 leaves Stage 2 out
     combine = "mean"                    # of several validation benchmarks, or "worst"
     seed = 0
+    resamples = 0                       # of the validation pairs, whose winners are averaged
 """
 
 from __future__ import annotations
@@ -70,7 +71,7 @@ KEYS = (
     "tests",
 )
 SOURCE_KEYS = ("data", "root", "pairs", "training", "licence", "all", "coding")
-SEARCH_KEYS = ("method", "population", "generations", "evaluations", "combine", "seed")
+SEARCH_KEYS = ("method", "population", "generations", "evaluations", "combine", "seed", "resamples")
 TABLES = ("options", "training", "sources", "search")
 COMBINATIONS = ("mean", "worst")
 JOINT = "joint"
@@ -250,7 +251,7 @@ def _plan(path: Path, search: Mapping[str, Any]) -> SearchPlan:
     if plan.stage2 is not None:
         budget = size("evaluations", plan.stage2.evaluations)
         plan = replace(plan, stage2=replace(plan.stage2, evaluations=budget) if budget else None)
-    return plan
+    return replace(plan, resamples=size("resamples", plan.resamples))
 
 
 def _whole(value: object, where: str, least: int = 0) -> int:

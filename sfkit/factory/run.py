@@ -211,5 +211,7 @@ def _search_cost(factory: Factory, found: SearchResult) -> Cost:
     images = sum(len(guide) for guide in factory.validation)
     files = [found.folder / name for name in ("stage1.csv", "stage2.csv")]
     rows = pd.concat([pd.read_csv(path) for path in files if path.exists()])
-    distinct = rows.drop_duplicates("key")
-    return Cost("search", len(distinct) * images, float(distinct["seconds"].sum()))
+    seconds: dict[str, float] = dict(zip(rows["key"], rows["seconds"], strict=True))
+    if found.averaged is not None:
+        seconds.setdefault(found.averaged.outcome.key, found.averaged.outcome.seconds)
+    return Cost("search", len(seconds) * images, math.fsum(seconds.values()))

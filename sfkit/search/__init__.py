@@ -12,6 +12,7 @@ from sfkit.on_demand import on_demand
 
 if TYPE_CHECKING:
     from sfkit.evaluation.known import Known
+    from sfkit.search.averaging import Averaged, averaged_winner
     from sfkit.search.base import Search, SearchState
     from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
     from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
@@ -30,6 +31,7 @@ else:
     __getattr__, __dir__ = on_demand(__name__)
 
 __all__ = [
+    "Averaged",
     "BayesianRoutingSearch",
     "BayesianRoutingSettings",
     "BayesianSubsetSearch",
@@ -55,6 +57,7 @@ __all__ = [
     "SubsetSettings",
     "SubsetSpace",
     "SubsetState",
+    "averaged_winner",
     "last_run",
     "mean_entropy",
     "read_journal",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.estimating import Estimate, estimate
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.known import Known
@@ -18,12 +19,14 @@ from sfkit.files import write_text
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.saving import origin_metadata, save_merged
+from sfkit.search.averaging import AVERAGED, Averaged, averaged_winner
+from sfkit.search.base import Search
 from sfkit.search.journal import Journal
 from sfkit.search.plan import SearchPlan
 from sfkit.search.records import Generation, SubsetCandidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingCandidate
-from sfkit.search.run_folder import RunFolder, run_folder
+from sfkit.search.run_folder import BEST, WINNERS, RunFolder, run_folder
 from sfkit.search.subset import SubsetSearch
 
 StageCallback = Callable[[str, Generation[Any]], None]
@@ -41,7 +44,7 @@ class SearchResult:
     """What a search found, and where it lies.
 
     Attributes:
-        recipe: the best recipe.
+        recipe: the best recipe; with ``resamples`` the averaged winner.
         score: its score on the validation benchmark, in the metric's unit.
         stage1: Stage 1's best; None where it was left out.
         stage2: Stage 2's best; None where it was left out.
@@ -49,7 +52,8 @@ class SearchResult:
         folder: where journal, tables and recipe lie.
         routing: the finished search of Stage 2; None where it was left out.
         stages: ``Stage 1``, ``Stage 1+2``, as far as they were run -> recipe; equal weights of the subset
-            and ``Stage 2`` where the subset was given.
+            and ``Stage 2`` where the subset was given; ``averaged winner`` where resamples were asked for.
+        averaged: the winners of these and their average; None where none were asked for.
         evaluations: the same names -> recipes that finding each took, in the store before or not.
     """
 
@@ -62,6 +66,13 @@ class SearchResult:
     routing: RoutingSearch | None = None
     stages: Mapping[str, Recipe] = field(default_factory=dict)
     evaluations: Mapping[str, int] = field(default_factory=dict)
+    averaged: Averaged | None = None
+
+    @property
+    def best(self) -> Recipe:
+        """What scores best on validation, which :attr:`recipe` is not where winners were averaged."""
+        found = self.stage2 or self.stage1
+        return self.recipe if found is None else found.recipe
 
 
 def search_pool(
@@ -77,10 +88,12 @@ def search_pool(
     """Run the plan and write what it finds.
 
     Writes into ``folder``: ``journal.jsonl`` (for viewers), ``stage1.csv`` and ``stage2.csv`` (every
-    candidate), ``recipe.json``, ``merged.safetensors`` and ``result.json``. Run again with the same
-    store, a finished search is read back and an interrupted one goes on where it was; ``result.json`` names
-    no place and no time, so that it is the same to the last byte. It is written last: ``judge`` hears what
-    was found before, and what it says stands in there too.
+    candidate), ``recipe.json``, ``merged.safetensors`` and ``result.json``. With ``resamples`` these three
+    are of the averaged winner, ``winners.csv`` tells what was averaged, and ``best.json`` is the recipe that
+    scores best on validation. Run again with the same store, a finished search is read back and an
+    interrupted one goes on where it was; ``result.json`` names no place and no time, so that it is the same
+    to the last byte. It is written last: ``judge`` hears what was found before, and what it says stands in
+    there too.
 
     Args:
         pool: whose sources are chosen and mixed.
@@ -92,12 +105,13 @@ def search_pool(
         judge: says on what was found what ``result.json`` holds besides.
 
     Raises:
-        InputError: constraints or settings do not suit the pool, or the folder is another search's
-            (:func:`~sfkit.search.run_folder.run_folder`).
+        InputError: constraints or settings do not suit the pool or the scorer, or the folder is another
+            search's (:func:`~sfkit.search.run_folder.run_folder`).
         SfkitError: no candidate could be scored, or the written file is not what was scored
             (:func:`~sfkit.evaluation.written.ensure_as_scored`).
     """
     plan.check(pool)
+    plan.check_scorer(scorer)
     if isinstance(folder, RunFolder):
         return _search(pool, scorer, plan, folder.path, progress, judge)
     with run_folder(folder, plan.identity(pool, scorer), force=force) as run:
@@ -115,6 +129,7 @@ def _search(
     journal = Journal(folder / "journal.jsonl")
     subset, first, second, known = plan.subset, None, None, plan.known(pool, scorer)
     stage2: RoutingSearch | None = None
+    searches: list[Search[Any]] = []
     stages: dict[str, Recipe] = {}
     spent: dict[str, int] = {}
     if subset is None:
@@ -122,6 +137,7 @@ def _search(
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
         write_text(folder / "stage1.csv", stage1.history.to_csv(index=False))
         subset = first.subset
+        searches.append(stage1)
         stages["Stage 1"], spent["Stage 1"] = first.recipe, stage1.counts.distinct
         known = _with_own(known, stage1)
     else:
@@ -131,14 +147,30 @@ def _search(
         stage2 = plan.routing_search(pool, subset, scorer, journal, known)
         second = stage2.run(None if progress is None else lambda g: progress("Stage 2", g))
         write_text(folder / "stage2.csv", stage2.history.to_csv(index=False))
+        searches.append(stage2)
         best, name = second, "Stage 2" if first is None else "Stage 1+2"
         stages[name], spent[name] = second.recipe, stage2.counts.distinct + spent.get("Stage 1", 0)
     if best is None:
         raise InputError("the plan has neither stage, expected something to search")
-    write_text(folder / "recipe.json", pool.bound(best.recipe).to_json())
-    merged = save_merged(pool, best.recipe, folder / "merged.safetensors", overwrite=True)
-    ensure_as_scored(pool, best.recipe, scorer, merged)
-    found = SearchResult(best.recipe, best.score, first, second, merged, folder, stage2, stages, spent)
+    recipe, score, averaged = best.recipe, best.score, None
+    if plan.resamples:
+        averaged = averaged_winner(searches, scorer, plan.resamples, seed=plan.seed, journal=journal)
+        write_text(folder / WINNERS, averaged.table.to_csv(index=False))
+        write_text(folder / BEST, pool.bound(best.recipe).to_json())
+        if averaged.outcome.failed:
+            warnings.warn(
+                f"averaged winner: has no score ({averaged.outcome.error}), the best on validation is taken",
+                SfkitWarning,
+                stacklevel=3,
+            )
+        else:
+            recipe, score = averaged.recipe, averaged.score
+            stages[AVERAGED] = recipe
+            spent[AVERAGED] = max(spent.values()) + (len(averaged.wins) > 1)  # one alone was scored before
+    write_text(folder / "recipe.json", pool.bound(recipe).to_json())
+    merged = save_merged(pool, recipe, folder / "merged.safetensors", overwrite=True)
+    ensure_as_scored(pool, recipe, scorer, merged)
+    found = SearchResult(recipe, score, first, second, merged, folder, stage2, stages, spent, averaged)
     write_result(pool, found, {} if judge is None else judge(found))
     return found
 
@@ -158,6 +190,7 @@ def summary(pool: Pool, found: SearchResult) -> dict[str, Any]:
         "score": found.score,
         "stage1": found.stage1.score if found.stage1 else None,
         "stage2": found.stage2.score if found.stage2 else None,
+        **({"averaged": found.averaged.score} if found.averaged else {}),
         "subset": list(found.recipe.sources),
         "recipe": pool.signed(found.recipe).as_dict(),
         "origin": {key: origin[key] for key in ("architecture", "base", "sources")},

@@ -14,9 +14,11 @@ from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
+from sfkit.search.averaging import check_averaging, check_choice
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
+from sfkit.search.checks import require_whole
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch, encoding_of
@@ -40,6 +42,8 @@ class SearchPlan:
         stage2: settings of the routing search; None leaves Stage 2 out.
         constraints: limits for both.
         start: a recipe Stage 2 starts from beside the equal weights.
+        resamples: of the validation pairs, whose winners are averaged into the recipe that the search
+            returns (:mod:`sfkit.search.averaging`); 0, the paper's form, returns the best on validation.
     """
 
     subset: tuple[str, ...] | None = None
@@ -47,8 +51,10 @@ class SearchPlan:
     stage2: RoutingSettings | None = field(default_factory=RoutingSettings)
     constraints: Constraints = field(default_factory=Constraints)
     start: Recipe | None = None
+    resamples: int = 0
 
     def __post_init__(self) -> None:
+        require_whole("resamples", self.resamples, 0)
         if self.subset is not None and self.stage2 is None:
             raise InputError("found a subset and no Stage 2, expected something to search")
         if self.subset is None and self.start is not None:
@@ -56,6 +62,13 @@ class SearchPlan:
                 "found a recipe to start Stage 2 from and no subset, expected both: Stage 1 may find another "
                 "subset than the recipe's"
             )
+        if self.resamples and self.stage2 is not None:
+            check_choice(self.stage2)
+
+    @property
+    def seed(self) -> int:
+        """Of the draws that belong to no stage."""
+        return self.stage2.seed if self.subset is not None and self.stage2 is not None else self.stage1.seed
 
     @property
     def method(self) -> str:
@@ -66,6 +79,8 @@ class SearchPlan:
     def evaluations(self, names: Sequence[str], blocks: Sequence[str]) -> int:
         """The most evaluations both stages can ask for over these sources; no subset is scored twice.
 
+        The average of resampled winners is one more.
+
         Of fewer than two sources there is nothing to choose, and Stage 2 alone is counted.
 
         Raises:
@@ -75,7 +90,8 @@ class SearchPlan:
         if self.subset is None and len(names) > 1:
             space = self.constraints.space(tuple(names), tuple(blocks))
             first = min(self.stage1.proposals(space), space.subsets + self.stage1.alone(space))
-        return first + (self.stage2.evaluations if self.stage2 is not None else 0)
+        second = self.stage2.evaluations if self.stage2 is not None else 0
+        return first + second + bool(self.resamples)
 
     def candidates(self, pool: Pool) -> dict[str, int]:
         """``Stage 1``, ``Stage 2`` -> the most candidates it proposes, those met again included."""
@@ -124,6 +140,7 @@ class SearchPlan:
             "subset": self.subset,
             "constraints": asdict(self.constraints),
             "start": self.start and self.start.as_dict(),
+            **({"resamples": self.resamples} if self.resamples else {}),
         }
 
     def identity(self, pool: Pool, scorer: Scorer) -> dict[str, Any]:
@@ -182,7 +199,8 @@ class SearchPlan:
 
         Raises:
             InputError: a name the pool does not have, constraints that leave nothing to choose, a subset
-                of one source, or a start that Stage 2 cannot express or that was made with other networks.
+                of one source, a start that Stage 2 cannot express or that was made with other networks, or
+                limits that an average of winners may not meet.
         """
         if self.start is not None:
             pool.check_networks(self.start)
@@ -195,3 +213,30 @@ class SearchPlan:
             encoding = encoding_of(pool.subset(subset), pool.blocks, self.stage2, self.constraints)
             if self.start is not None:
                 encoding.admit(self.start)
+        if self.resamples and self.subset is None:
+            self._check_average(pool)
+
+    def check_scorer(self, scorer: Scorer) -> None:
+        """Refuse what guides where winners are averaged and it has no pairs to draw resamples of.
+
+        Raises:
+            InputError: as :func:`~sfkit.search.averaging.check_averaging`.
+        """
+        if self.resamples:
+            check_averaging(scorer)
+
+    def _check_average(self, pool: Pool) -> None:
+        """Winners of several subsets meet the limits one by one; refuse those that their average may not."""
+        limits, second = self.constraints, self.stage2
+        able = len(pool.names) - len(limits.exclude)
+        if limits.largest is not None and limits.largest < able:
+            raise InputError(
+                f"largest: found {limits.largest} and resamples {self.resamples}, whose winners together may "
+                f"have up to {able} sources; name the subset (--subset), or leave one of the two out"
+            )
+        if limits.frozen_blocks and second is not None and not second.tied:
+            raise InputError(
+                f"frozen_blocks: found {', '.join(limits.frozen_blocks)} with block-specific routing and "
+                f"resamples {self.resamples}, the average of whose winners has no equal weights there; name "
+                "the subset (--subset), or leave one of the two out"
+            )

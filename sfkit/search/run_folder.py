@@ -23,7 +23,12 @@ NAMES = "names"
 """In that file, what the benchmarks are called: for people, since a renamed one makes no other search."""
 LOCK = ".lock"
 STORE = "evaluations.sqlite"
-OUTPUTS = ("journal.jsonl", "stage1.csv", "stage2.csv", "recipe.json", "merged.safetensors", "result.json")
+WINNERS, BEST = "winners.csv", "best.json"
+"""Of a search that averages: what was averaged, and the recipe that scores best on validation."""
+OUTPUTS = (
+    *("journal.jsonl", "stage1.csv", "stage2.csv", WINNERS, BEST),
+    *("recipe.json", "merged.safetensors", "result.json"),
+)
 """What a search writes into its folder."""
 _REMEDY = "choose another folder (--out), or replace what it holds (--force)"
 _NAMED = 3  # differences that a refusal names

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -76,6 +77,63 @@ def test_a_stage_2_that_cannot_be_told_apart_is_said_to_be_so() -> None:
     assert "Validation cannot tell it from Stage 1, which is simpler (-0.02 points" in found.sentence
     assert "it is not told apart from Stage 1" in found.sentence
     assert found.reason[-1] == "Finding Stage 1+2 took 300 evaluations more than Stage 1."
+
+
+MEAN = Recipe(("a", "b", "c"), BLOCKS, ((0.6, 0.3, 0.1), (0.3, 0.6, 0.1)), (1.05, 0.95))
+
+
+def averaging(name: str, *, routed: float, mean: float, images: int = 20, guides: bool = False) -> Measured:
+    """As :func:`bench`, with an averaged winner ``mean`` points off Stage 1."""
+    found = bench(name, routed, images, guides=guides)
+    shifted = bench(name, mean, images, guides=guides).images["Stage 1+2"]
+    return replace(found, images={**found.images, "average": shifted})
+
+
+def test_an_averaged_winner_goes_before_what_scores_lowest() -> None:
+    recipes = {**RECIPES, "average": MEAN}
+    guide = averaging("guide", routed=-3.0, mean=-2.5, guides=True)
+    found = verdict(recipes, [guide], averaged="average")
+    assert (found.recommended, found.preferred, found.lowest) == ("average", "average", "Stage 1+2")
+    assert found.reason[0].startswith("Deploy average: bad-3.0 ")
+    assert found.reason[0].endswith("on guide (20 pairs), the average of what wins resamples of these pairs.")
+    assert found.reason[1].startswith("Stage 1+2 scores lowest there (bad-3.0 ")
+    lower = averaging("guide", routed=-2.5, mean=-3.0, guides=True)
+    assert "It also scores lowest there, among 6" in verdict(recipes, [lower], averaged="average").sentence
+    assert verdict(RECIPES, [guide], averaged="average").recommended == "Stage 1+2", "there is none"
+    assert verdict(recipes, [guide]).recommended == "Stage 1+2", "it is one of many unless named"
+
+
+def test_tests_overrule_an_averaged_winner_for_what_scores_lowest() -> None:
+    guide = averaging("guide", routed=-3.0, mean=-2.5, guides=True)
+    tests = [averaging(name, routed=-4.0, mean=-1.0, images=40) for name in ("one", "two")]
+    found = verdict({**RECIPES, "average": MEAN}, [guide], tests, averaged="average")
+    assert (found.recommended, found.support) == ("Stage 1+2", Support.OVERRULED)
+    assert found.reason[0] == "average is not supported here: take Stage 1+2."
+    assert found.reason[1].startswith("average averages what wins resamples of guide (20 pairs), but on what")
+
+
+def test_a_simpler_network_that_validation_prefers_to_the_average_is_said_to_score_lower() -> None:
+    guide = averaging("guide", routed=-3.0, mean=+2.0, guides=True)
+    found = verdict({**RECIPES, "average": MEAN}, [guide], averaged="average")
+    assert (found.recommended, found.simplest) == ("average", "Stage 1")
+    assert "On validation Stage 1, which is simpler, scores lower (+2.00 points" in found.sentence
+
+
+def test_more_than_a_standard_error_is_no_proof_where_the_interval_holds_0() -> None:
+    """0.6 +- 0.4 points: more than one standard error, and an interval from -1.71 to 0.51."""
+    rows = {"Stage 1": [31, 31, 30, 31, 30], "Stage 1+2": [30, 30, 31, 30, 29]}
+    recipes = {name: RECIPES[name] for name in rows}
+    found = verdict(recipes, [measured(rows, validation=True)])
+    assert found.simplest is None
+    assert (
+        "Every simpler network is more than one standard error behind it on validation, which is a hint and "
+        "no proof; the nearest is Stage 1 (-0.60 points, 95 % interval -1.71 to +0.51)." in found.sentence
+    )
+    rows["Stage 1+2"] = [28, 27, 27, 28, 26]
+    clear = verdict(recipes, [measured(rows, validation=True)])
+    assert (
+        "Validation tells it from every simpler network, the nearest being Stage 1 (-3.40" in clear.sentence
+    )
 
 
 def test_the_simplest_of_those_within_one_standard_error_is_named() -> None:

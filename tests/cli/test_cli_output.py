@@ -226,6 +226,26 @@ def test_search(shell: Shell, world: Path) -> None:
     assert f"best epe: {document['score']:.4f} px" in text
 
 
+def test_a_search_averages_the_winners_of_resamples(shell: Shell, world: Path) -> None:
+    line = f"search pool {PAIRS} --population 4 --generations 1 --evaluations 6 --resamples 30 -o mean --yes"
+    document = shell.json(line)
+    verdict = document["verdict"]
+    assert verdict["recommended"] == verdict["preferred_by_validation"] == "averaged winner"
+    assert verdict["networks"]["averaged winner"]["validation"] == pytest.approx(document["averaged"])
+    assert document["score"] == document["averaged"] != document["stage2"]
+    assert read_recipe(world / "mean" / "merged.safetensors").as_dict() == document["recipe"]
+    text, progress = shell(line)
+    assert "cost: at most 11 evaluations of 2 pairs" in progress, "4 subsets, 6, and the average"
+    assert text.startswith("Deploy averaged winner: ")
+    assert [row.split()[0] for row in text.splitlines()[2:8]] == [
+        *("base", "best", "uniform", "Stage", "Stage", "averaged")
+    ]
+    assert f"averaged winner, epe: {document['score']:.4f} px" in text
+    assert "candidates win 30 resamples)" in text
+    _, refusal = shell(f"{line} --shrinkage 0.1 --force", code=2)
+    assert "resamples: found shrinkage 0.1" in refusal
+
+
 def test_a_search_is_tested_on_what_guided_nothing(shell: Shell, world: Path) -> None:
     write_pairs(world / "fresh" / "pairs", 6, shift=4)
     line = f"search pool {PAIRS} --population 4 --generations 1 --evaluations 0 -o tested --yes"

@@ -15,6 +15,7 @@ from sfkit.streams import Stream, generator
         (Stream.ROUTING_SEARCH, 2),
         (Stream.HOLDOUT, 3),
         (Stream.RANDOM_SUBSETS, 3),
+        (Stream.BOOTSTRAP_AVERAGE, 11),
     ],
 )
 @pytest.mark.parametrize("part", [(), (0,), (7,), (2, 5)])
