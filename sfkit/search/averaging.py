@@ -19,7 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from sfkit.errors import InputError
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
@@ -154,9 +154,8 @@ def check_averaging(scorer: Scorer) -> tuple[Evaluator, ...]:
     Raises:
         InputError: a scorer that does not know its images, or a single pair.
     """
-    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    known = tuple(part for part in parts if isinstance(part, Evaluator))
-    if len(known) < len(parts):
+    known = evaluators_of(scorer)
+    if len(known) < (len(scorer.evaluators) if isinstance(scorer, CombinedScorer) else 1):
         raise InputError(
             f"resamples: found a scorer of the kind {type(scorer).__name__}, expected an Evaluator or a "
             "CombinedScorer of them, which know their images: leave resamples at 0"
