@@ -44,9 +44,10 @@ network on the same pairs, one thread. Smoothness adds {census.SMOOTHNESS:g} tim
 neighbours more than {census.JUMP:g} px apart. Two scales are the definition: the fine one alone ranks the
 real pairs a little better, and picks 5 points worse in haze. Occluded are pixels on which the disparities of
 both views differ by more than 1 px; their rows cost a second pass, which is counted, and of the bank they are
-measured on one world, in a table of its own. Leaving occluded pixels out, or weighing them less, lets a
-network choose the pixels it is judged by: on eth3d both pick a network about 4 points worse than the best."""
-TWICE = f"""{census.FEWER[0]} of the bank's networks on {census.FEWER[1]} pairs of {bank.VALIDATION}:"""
+measured on fewer networks and pairs, in a table of their own. Leaving occluded pixels out, or weighing them
+less, lets a network choose the pixels it is judged by: on eth3d both pick a network about 4 points worse than
+the best."""
+TWICE = f"""{census.FEWER[0]} of the bank's networks on {census.FEWER[1]} pairs a world:"""
 GUIDES = f"""### Both stages guided without labels
 
 `{shown(*GUIDED)}`: bad-1.0 in percent on each pair, over all pixels with ground truth. The unlabelled

@@ -43,6 +43,29 @@ Table = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
+class KeptBack:
+    """The census of the network found against that of the equal mixture, in points; below 0 is better.
+
+    Attributes:
+        guiding: on the pairs that guided.
+        further: on pairs without labels that guided nothing.
+        pairs: how many of these there are.
+    """
+
+    guiding: float
+    further: float
+    pairs: int
+
+    @property
+    def sentence(self) -> str:
+        """What the further pairs say."""
+        return (
+            f"against the equal mixture the census of the network found changes by {self.guiding:+.2f} "
+            f"points on the pairs that guide, and by {self.further:+.2f} on {self.pairs} that guide nothing"
+        )
+
+
+@dataclass(frozen=True)
 class Trust:
     """What speaks for and against a ranking without labels.
 
@@ -54,6 +77,7 @@ class Trust:
         inside: share of pixels whose match lies inside the right image, under the best network.
         collapsed: share of the best network's maps that are nearly constant or nearly zero.
         pairs: how many pairs there are.
+        kept_back: what further pairs without labels say of the network found, None where there are none.
     """
 
     agreement: Agreement | None
@@ -62,6 +86,7 @@ class Trust:
     inside: float
     collapsed: float
     pairs: int
+    kept_back: KeptBack | None = None
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -93,6 +118,8 @@ class Trust:
                 f"{100 * self.collapsed:.0f} % of the best network's maps are nearly constant or zero: "
                 "it may win where images have no texture"
             )
+        if self.kept_back is not None and self.kept_back.further >= 0:
+            found.append(f"{self.kept_back.sentence} (expected below 0)")
         return tuple(found)
 
     @property
@@ -105,10 +132,12 @@ class Trust:
         """The whole in one sentence."""
         if self.doubts:
             return f"Do not trust the ranking without labels yet: {'; '.join(self.doubts)}."
+        back = self.kept_back
         if self.agreement is None:
+            tested = "pairs kept back from the search would tell more" if back is None else back.sentence
             return (
                 "Nothing speaks against the ranking without labels (stability over halves of the pairs "
-                f"{self.stability:.2f}); without labels that is no proof."
+                f"{self.stability:.2f}; {tested}); without labels that is no proof."
             )
         one = self.agreement
         return (
@@ -146,6 +175,8 @@ def trust(
     recipes: Sequence[Recipe],
     *,
     labelled: Evaluator | None = None,
+    found: Recipe | None = None,
+    further: Sequence[Evaluator] = (),
     seed: int = 0,
 ) -> Trust:
     """Look at the ranking of networks by ``census``; whatever the stores have is not computed again.
@@ -155,13 +186,15 @@ def trust(
         recipes: the networks, such as :func:`~sfkit.analysis.ranking.yardstick_recipes`.
         labelled: where labels are at hand, a scorer of the same pool by a metric that needs them. Compared
             are all networks that the stores hold under both, whoever asked for them.
+        found: what a search guided by these pairs found, asked of ``further`` as well.
+        further: scorers by ``census`` of pairs that guided nothing.
         seed: of the draws behind interval and halves.
 
     Raises:
         InputError: another metric, no network, or with labels fewer than eight.
     """
     parts = (scorers,) if isinstance(scorers, Evaluator) else tuple(scorers)
-    for part in parts:
+    for part in (*parts, *further):
         if part.metric.name != CENSUS.name:
             raise InputError(f"trust: found the metric {part.metric}, expected a scorer by census")
     if not (parts and recipes):
@@ -171,29 +204,36 @@ def trust(
     if not sound:
         raise InputError("trust: every network failed, expected one that was scored")
     table = np.array([[i.value(CENSUS) for row in evaluations for i in row[n].images] for n in sound])
-    found = None
+    agreed = None
     if labelled is not None:
         labelled.evaluate(recipes)
         census, truth = scored_by_both(parts, labelled)
-        found = agreement(census, truth, f"{labelled.metric} on {labelled.benchmark.name}", seed=seed)
+        agreed = agreement(census, truth, f"{labelled.metric} on {labelled.benchmark.name}", seed=seed)
     best = recipes[sound[int(table.mean(axis=1).argmin())]]
     seen = [row for part in parts for row in _seen(part.pool, part.prepared, best, part.device)]
     texture, inside, collapsed = np.mean(seen, axis=0).tolist()
-    return Trust(found, stability(table, seed=seed), texture, inside, collapsed, table.shape[1])
+    kept = None if found is None else _kept_back(parts, further, found)
+    return Trust(agreed, stability(table, seed=seed), texture, inside, collapsed, table.shape[1], kept)
 
 
-def trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
+def trust_of(
+    pool: Pool,
+    evaluators: Sequence[Evaluator],
+    found: Recipe | None = None,
+    tests: Sequence[Evaluator] = (),
+) -> Trust | None:
     """Whether the guides without labels among all guides may be trusted; None where there is none.
 
     Looks at the networks every pool has (:func:`~sfkit.analysis.ranking.yardstick_recipes`); a guide with
-    labels beside them says how well they agree, over these and all networks that were scored by both.
+    labels beside them says how well they agree, over these and all networks that were scored by both; tests
+    without labels say whether the network ``found`` is better there, too.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
     """
-    found = _trust_of(pool, evaluators)
-    if found is not None and found.doubts:
-        warnings.warn(found.sentence, SfkitWarning, stacklevel=2)
-    return found
+    said = _trust_of(pool, evaluators, found, tests)
+    if said is not None and said.doubts:
+        warnings.warn(said.sentence, SfkitWarning, stacklevel=2)
+    return said
 
 
 def trust_sentences(scorer: Evaluator | CombinedScorer) -> tuple[str, ...]:
@@ -203,7 +243,12 @@ def trust_sentences(scorer: Evaluator | CombinedScorer) -> tuple[str, ...]:
     return () if found is None else (found.sentence,)
 
 
-def _trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
+def _trust_of(
+    pool: Pool,
+    evaluators: Sequence[Evaluator],
+    found: Recipe | None = None,
+    tests: Sequence[Evaluator] = (),
+) -> Trust | None:
     unlabelled = [one for one in evaluators if one.metric.name == CENSUS.name]
     if not unlabelled:
         return None
@@ -214,7 +259,25 @@ def _trust_of(pool: Pool, evaluators: Sequence[Evaluator]) -> Trust | None:
             one.evaluate(recipes)
         if len(scored_by_both(unlabelled, labelled)[0]) < FEW_NETWORKS:
             labelled = None  # a pool of two sources that nothing searched: no correlation to speak of
-    return trust(unlabelled, recipes, labelled=labelled)
+    further = [one for one in tests if one.metric.name == CENSUS.name]
+    return trust(unlabelled, recipes, labelled=labelled, found=found, further=further)
+
+
+def _kept_back(guides: Sequence[Evaluator], further: Sequence[Evaluator], found: Recipe) -> KeptBack | None:
+    """None without further pairs, or where a network failed on some."""
+    changes = []
+    for scorers in (guides, further):
+        before, after = [], []
+        for one in scorers:
+            uniform, ours = one.evaluate([one.pool.uniform(), found])
+            if uniform.failure or ours.failure:
+                return None
+            before += [image.value(CENSUS) for image in uniform.images]
+            after += [image.value(CENSUS) for image in ours.images]
+        if not before:
+            return None
+        changes.append(float(np.mean(after) - np.mean(before)))
+    return KeptBack(changes[0], changes[1], len(after))
 
 
 def _seen(

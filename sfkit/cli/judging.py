@@ -50,7 +50,7 @@ class Judge:
         lines = [*self._verdict.lines]
         if self._verdict.recipe != found.recipe:
             subset = ",".join(self._verdict.recipe.sources)
-            how, what = f"--subset {subset}", "what scores best on validation"
+            how, what = f"--subset {subset}", "what the search found"
             if found.recipe != found.best:
                 what = f"the {AVERAGED}"
                 how = f"--recipe {found.folder / BEST}" if self._verdict.recipe == found.best else how

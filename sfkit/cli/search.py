@@ -144,6 +144,8 @@ def search(
         scoring(opened, guide, kept_in) as (evaluators, scorer),
     ):
         judges = [one.with_store(evaluators[0].store) for one in judges]
+        for one in judges:
+            say(f"test: {one.benchmark.name} ({one.benchmark.coverage}), {one.metric}, which guides nothing")
         doubt = few_pairs(sum(len(guide) for guide in guides), plan.stage2)
         if doubt and not plan.resamples:
             say(doubt)
@@ -159,7 +161,7 @@ def search(
         judge = Judge(opened, evaluators, judges)
         with Watch(plan.candidates(opened), evaluators) as watch:
             found = search_pool(opened, scorer, plan, folder, progress=watch.generation, judge=judge)
-        trusted = trust_of(opened, evaluators)
+        trusted = trust_of(opened, evaluators, found.recipe, judges)
     changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
     metric_name = str(evaluators[0].metric) if changes is None else LABEL
     check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.stats import spearmanr
 
 import sfkit
 from sfkit.analysis.ranking import agreement, rank_correlations, yardstick_recipes
-from sfkit.analysis.trust import Trust, is_collapsed, stability, trust, trust_of, trust_sentences
+from sfkit.analysis.trust import KeptBack, Trust, is_collapsed, stability, trust, trust_of, trust_sentences
 from sfkit.datasets import MemoryPair, Sample, memory_benchmark
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation import CombinedScorer, Evaluator
@@ -101,6 +102,60 @@ def test_a_network_that_wins_by_collapsing_is_caught(tmp_path: Path) -> None:
     assert trust_sentences(guides[1]) == ()
     with pytest.raises(InputError, match="found the metric epe, expected a scorer by census"):
         trust(Evaluator(pool, memory_benchmark("walls", pairs, metric="epe")), [pool.base_recipe()])
+
+
+def _textured(disparity: int, pairs: int) -> list[MemoryPair]:
+    """Random texture before one plane: the network that predicts its disparity is right."""
+    found = []
+    for n in range(pairs):
+        right = np.random.default_rng(n).integers(0, 255, (24, 60, 3)).astype(np.uint8)
+        truth = np.full((24, 60), disparity, np.float32)
+        found.append(MemoryPair(f"{n}", Sample(f"{n}", np.roll(right, disparity, 1), right, truth)))
+    return found
+
+
+def test_pairs_kept_back_tell_a_network_that_is_better_only_where_it_was_guided(tmp_path: Path) -> None:
+    pool = flat_pool(tmp_path, {"four": 4.0, "twelve": 12.0, "far": 30.0})
+    guide, further = (
+        Evaluator(pool, memory_benchmark(name, _textured(disparity, 5), metric="census"))
+        for name, disparity in (("guide", 12), ("further", 4))
+    )
+    found, usual = pool.equal("twelve"), list(yardstick_recipes(pool).values())
+    change, there = (
+        np.subtract(
+            *(np.mean([i.value("census") for i in one.evaluate([recipe])[0].images]) for recipe in both)
+        )
+        for one, both in ((guide, (found, pool.uniform())), (further, (found, pool.uniform())))
+    )
+    assert change < -20 < -5 < there, "the texture is random: only the right disparity explains it"
+    for scorer, on_further in ((guide, change), (further, there)):
+        kept = trust(guide, usual, found=found, further=[scorer]).kept_back
+        assert kept is not None
+        assert (kept.guiding, kept.further, kept.pairs) == pytest.approx((change, on_further, 5))
+    assert trust(guide, usual, found=found).kept_back is None
+
+
+def test_pairs_kept_back_are_in_the_sentence() -> None:
+    better, worse = (replace(SOUND, kept_back=KeptBack(-1.57, change, 16)) for change in (-0.4, 0.7))
+    said = (
+        "against the equal mixture the census of the network found changes by -1.57 points on the pairs that "
+        "guide, and by {} on 16 that guide nothing"
+    )
+    assert better.trusted
+    assert said.format("-0.40") in better.sentence
+    assert worse.doubts == (f"{said.format('+0.70')} (expected below 0)",)
+    assert "pairs kept back from the search would tell more" in SOUND.sentence
+
+
+def test_on_the_recorded_worlds_pairs_kept_back_say_where_it_fails() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "results.md").read_text(encoding="utf-8")
+    rows = text.partition("### What a guide without labels might betray")[2].partition("<!-- end census")[0]
+    cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in rows.splitlines() if "|" in line]
+    worlds = {name: tuple(map(float, last)) for name, last in ((r[0], r[5:]) for r in cells[2:]) if all(last)}
+    assert len(worlds) == 4
+    for own, _, census, truth in worlds.values():
+        assert replace(SOUND, kept_back=KeptBack(own, census, 16)).trusted == (truth < 0)
+    assert {name for name, (*_, truth) in worlds.items() if truth >= 0} == {"courtyard", "grey-workshop"}
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -42,6 +43,30 @@ def test_labels_are_asked_of_every_network_in_the_store(shell: Shell) -> None:
     assert found["correlation"] == pytest.approx(float(np.corrcoef(ranks)[0, 1]))
     assert found["interval"][0] <= found["correlation"] <= found["interval"][1]
     assert found["regret"] == pytest.approx(truth[int(np.argmin(census))] - min(truth))
+
+
+def test_pairs_without_labels_test_what_they_did_not_guide(shell: Shell) -> None:
+    _folder("kept")
+    line = "search pool -b unlabelled -r pairs --population 2 --generations 0 --evaluations 2 -o out"
+    _, errors = shell(f"{line} --test unlabelled,root=kept", code=2)
+    assert "found 0, 1, 2 among the pairs that guide the search" in errors
+    for path in Path("kept").glob("*/*.png"):
+        cv2.imwrite(str(path), cv2.imread(str(path))[:-2])
+    said, errors = shell(f"{line} --test unlabelled,root=kept --json")
+    assert "test: kept (3 pairs), census, which guides nothing" in errors.splitlines()
+    back = json.loads(said)["trust"]["kept_back"]
+    assert back["pairs"] == 3
+    assert np.isfinite([back["guiding"], back["further"]]).all()
+
+
+def test_a_metric_that_needs_labels_is_refused_beside_census(shell: Shell) -> None:
+    shell("merge pool --uniform -o a.safetensors")
+    shell("merge pool --subset kitti -o b.safetensors")
+    for command in ("evaluate pool --uniform", "compare a.safetensors b.safetensors"):
+        _, errors = shell(f"{command} -b unlabelled -r pairs --metric census,epe", code=2)
+        assert errors.splitlines() == [
+            "error: benchmark 'pairs': epe needs ground truth and its pairs have none, expected census"
+        ]
 
 
 def _folder(name: str) -> Path:
