@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import trouble
 
 DEPTH = 64
 DIGITS = 400
@@ -84,6 +85,8 @@ def read_text(path: Path) -> str:
         InputError: the file cannot be read, or is too large.
         UnicodeDecodeError: it is no UTF-8.
     """
+    if why := trouble(path):  # a pipe, say, which would wait for ever
+        raise InputError(f"{path}: cannot be read ({why}), expected a file")
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: is {path.stat().st_size} bytes long, expected at most {LARGEST}")

@@ -22,7 +22,7 @@ from sfkit.datasets.listing import PairListing, inside, open_root
 from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pairs import StereoPair
 from sfkit.errors import InputError
-from sfkit.files import home, is_file
+from sfkit.files import home, is_file, trouble
 
 UNLABELLED = "unlabelled"
 DEPTH = 4
@@ -169,6 +169,8 @@ def _in_table(table: Path, root: Path) -> list[StereoPair]:
 
 
 def _rows(table: Path) -> Sequence[dict[str, str]]:
+    if why := trouble(table):
+        raise InputError(f"{table}: cannot be read ({why}), expected a CSV file")
     try:
         with table.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.DictReader(stream, strict=True)

@@ -14,6 +14,7 @@ import nbformat
 from nbformat import NotebookNode
 
 from sfkit.errors import InputError, unknown_name
+from sfkit.files import trouble
 
 TAG = "parameters"
 
@@ -79,6 +80,8 @@ def read_notebook(path: Path) -> NotebookNode:
     """
     if path.suffix != ".ipynb":
         raise InputError(f"{path}: found the ending {path.suffix!r}, expected a notebook that ends in .ipynb")
+    if why := trouble(path):
+        raise InputError(f"{path}: the notebook cannot be read ({why}), expected one")
     try:
         content: NotebookNode = nbformat.read(path, as_version=4)
         nbformat.validate(content)

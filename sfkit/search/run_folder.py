@@ -16,7 +16,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from sfkit.errors import InputError
-from sfkit.files import write_text
+from sfkit.files import trouble, write_text
 
 SEARCH = "search.json"
 NAMES = "names"
@@ -93,6 +93,8 @@ def _refuse_other(path: Path, identity: Mapping[str, Any]) -> None:
     if not any((path / name).exists() for name in OUTPUTS):
         return  # nothing to lose: a search that was not begun
     record = path / SEARCH
+    if record.exists() and (why := trouble(record)):
+        raise InputError(f"{record}: cannot be read ({why}), expected which search this is: {_REMEDY}")
     try:
         held = json.loads(record.read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -63,8 +63,11 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (world / "loop").symlink_to("loop")
     (world / "nowhere").symlink_to("absent")
     (world / "folder.pth").mkdir()
-    for name in ("pipe", "pipe.pth", "pipe.png", "pipe.sqlite"):
+    for name in ("pipe", "pipe.pth", "pipe.png", "pipe.sqlite", "pipe.avi", "pipe.ipynb"):
         os.mkfifo(world / name)
+    (world / "claimed").mkdir()
+    (world / "claimed" / "journal.jsonl").write_text("{}")
+    os.mkfifo(world / "claimed" / "search.json")
     (world / "lfs.safetensors").write_text("version https://git-lfs.github.com/spec/v1\nsize 123\n")
     (world / "page.pth").write_text("<!DOCTYPE html><html>Sign in</html>")
     for name, folder in (("scale", "pairs-scale"), ("npy", "pairs-npy")):
@@ -139,6 +142,15 @@ DOORS = (
     (f"evaluate pool --uniform {PAIRS} --csv pipe", "pipe", "a pipe or a device"),
     (f"predict pool/base.safetensors -l {LEFT} -r {RIGHT} --calib pipe -o new", "pipe", "a pipe or a device"),
     ("show pipe.pth", "pipe.pth", "a pipe or a device"),
+    (f"search pool {PAIRS} --config pipe -o new", "pipe", "a pipe or a device"),
+    ("factory status pipe", "pipe", "a pipe or a device"),
+    ("evaluate pool --uniform -b unlabelled -r pairs --csv pipe", "pipe", "a pipe or a device"),
+    ("report pipe.ipynb -o new.html", "pipe.ipynb", "a pipe or a device"),
+    (f"search pool {PAIRS} -o claimed", "claimed/search.json", "a pipe or a device"),
+    (f"{FINETUNE} --settings pipe", "pipe", "a pipe or a device"),
+    ("export pipe.pth", "pipe.pth", "a pipe or a device"),
+    (f"predict pool/base.safetensors -l pipe.avi -r {RIGHT} -o new", "pipe.avi", "a pipe or a device"),
+    ("runs export pipe.sqlite -o x.csv", "pipe.sqlite", "no such file"),
     ("show /dev/zero", "/dev/zero", "a pipe or a device"),
     (f"predict folder.pth -l {LEFT} -r {RIGHT} -o new", "folder.pth", "is a folder"),
     ("show lfs.safetensors", "lfs.safetensors", "Git LFS pointer", "git lfs pull"),

@@ -47,7 +47,7 @@ ROOMS = (
 NARROW: dict[str, set[str]] = {
     "settings": set(),
     "files": set(),
-    "outside": {"errors"},
+    "outside": {"errors", "files"},
     "streams": set(),
     "colours": set(),
     "cards": set(),
