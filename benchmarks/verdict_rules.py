@@ -2,6 +2,7 @@
 
     python benchmarks/verdict_rules.py --minutes 60   # go on with what is missing, at most so long
     python benchmarks/verdict_rules.py --list         # what there is to do, and what is done
+    python benchmarks/verdict_rules.py --pool bank-slim --minutes 60    # the same on another bank
     python benchmarks/results.py verdict-rules        # write what is there into docs/results.md
 
 A run is both stages guided by a few pairs, drawn anew for each seed. All rules see the same evaluations.
@@ -11,6 +12,7 @@ SFKIT_REAL_DATA.
 
 from __future__ import annotations
 
+import argparse
 import math
 import os
 from collections import Counter
@@ -19,7 +21,6 @@ from functools import lru_cache, partial
 from itertools import combinations
 from pathlib import Path
 
-import evidence_bank
 import evidence_real
 import numpy as np
 import pandas as pd
@@ -30,6 +31,7 @@ import sfkit
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.verdict import estimate_between, simplicity
 from sfkit.bank import VALIDATION, benchmark, benchmarks
+from sfkit.bank.plan import bank_plan
 from sfkit.evaluation.metrics import ImageErrors
 from sfkit.merging import Pool, Recipe
 from sfkit.search.averaging import average
@@ -51,30 +53,33 @@ RULES = {
 }
 STAGE1, ROUTED = "Stage 1", "Stage 1+2"
 
+BANK = "bank"
+
 Networks = Mapping[str, Recipe]
 
 
-def jobs() -> dict[str, Job]:
-    """Every run by name, in an order that serves bank and real pool alike."""
+def jobs(bank: str = BANK) -> dict[str, Job]:
+    """Every run on a bank by name, and beside the first bank's the real pool's, in turn."""
     runs = sorted((seed, pairs) for pairs, seeds in BANK_SEEDS.items() for seed in range(seeds))
     found: list[tuple[float, str, Job]] = [
-        (place / len(runs), f"bank-{pairs:02d}-{seed}", partial(on_bank, pairs, seed))
+        (place / len(runs), f"{bank}-{pairs:02d}-{seed}", partial(on_bank, bank, pairs, seed))
         for place, (seed, pairs) in enumerate(runs)
     ]
-    if "SFKIT_REAL_DATA" in os.environ:
+    if bank == BANK and "SFKIT_REAL_DATA" in os.environ:
         splits = list(combinations(evidence_real.PAIRS, REAL_PAIRS))
         for seed, guides in enumerate(splits):
             found.append((seed / len(splits), f"real-{'+'.join(guides)}", partial(on_real, guides, seed)))
     return {name: job for _, name, job in sorted(found, key=lambda one: one[0])}
 
 
-def on_bank(pairs: int, seed: int, folder: Path) -> pd.DataFrame:
+def on_bank(bank: str, pairs: int, seed: int, folder: Path) -> pd.DataFrame:
     """Guided by pairs of the validation world, judged on the other three."""
-    order = np.random.default_rng([seed, 7]).permutation(40)
-    chosen = benchmark(VALIDATION).select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
+    known = benchmark(VALIDATION, of=bank_plan(bank).benchmarks)
+    order = np.random.default_rng([seed, 7]).permutation(len(known))
+    chosen = known.select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
     with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
-        pool = evidence_bank.opened()
-        judges = [judge.with_store(store) for judge in _bank_judges()]
+        pool, judges = _opened(bank)
+        judges = [judge.with_store(store) for judge in judges]
         return judged(pool, [sfkit.Evaluator(pool, chosen, store=store)], judges, seed)
 
 
@@ -177,12 +182,22 @@ def mean(measured: Sequence[Measured], name: str) -> float:
 
 
 @lru_cache
-def _bank_judges() -> tuple[sfkit.Evaluator, ...]:
+def _opened(bank: str) -> tuple[Pool, list[sfkit.Evaluator]]:
+    """A bank, and the worlds that guide nothing."""
+    pool, of = sfkit.open_pool(bank), bank_plan(bank).benchmarks
     names = [name for name in benchmarks() if name != VALIDATION]
-    return tuple(sfkit.Evaluator(evidence_bank.opened(), benchmark(n).first(TEST_PAIRS)) for n in names)
+    return pool, [sfkit.Evaluator(pool, benchmark(n, of=of).first(TEST_PAIRS)) for n in names]
 
 
-kept = KeptRuns(__doc__, jobs, RUNS / "rules")
+def kept_of(bank: str = BANK) -> KeptRuns:
+    """The runs on a bank, those of another than the first in a folder of their own."""
+    return KeptRuns(__doc__, partial(jobs, bank), RUNS / ("rules" if bank == BANK else f"rules-{bank}"))
+
+
+kept = kept_of()
 
 if __name__ == "__main__":
-    kept.main()
+    asked = argparse.ArgumentParser(add_help=False)
+    asked.add_argument("--pool", default=BANK)
+    options, rest = asked.parse_known_args()
+    kept_of(options.pool).main(rest)

@@ -6,6 +6,7 @@ import pandas as pd
 import verdict_rules
 
 from sfkit.analysis.tables import markdown_lines
+from sfkit.bank.plan import BANKS
 
 KINDS = ("base", "single source", "equal weights", "routed")
 
@@ -16,7 +17,9 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    parts = [_table(name, verdict_rules.kept.results(f"{name}-")) for name in ("bank", "real")]
+    parts = [_table(TITLES[name], verdict_rules.kept.results(f"{name}-")) for name in TITLES]
+    others = {name: verdict_rules.kept_of(name) for name in BANKS if name != verdict_rules.BANK}
+    parts += [_table(f"On `{name}`, {UNSEEN}", runs.results(f"{name}-")) for name, runs in others.items()]
     if not any(parts):
         raise SystemExit("nothing is finished yet: run python benchmarks/verdict_rules.py first (hours)")
     return "\n\n".join([HEAD, *(part for part in parts if part)])
@@ -33,7 +36,7 @@ unseen data sets, in points; **below 0 is better**. The last column sets each ru
 validation, on the unseen: mean change, and in how many of the runs where the two differ it is better."""
 
 
-def _table(name: str, frame: pd.DataFrame) -> str:
+def _table(title: str, frame: pd.DataFrame) -> str:
     if frame.empty:
         return ""
     gained, change = (frame[name] - frame[f"{name}:stage1"] for name in ("validation", "unseen"))
@@ -54,10 +57,11 @@ def _table(name: str, frame: pd.DataFrame) -> str:
         )
     columns = ("rule", "what it took", "on validation", "on unseen", "worst run")
     columns += ("better than Stage 1", "beside the best")
-    return f"### {TITLES[name]}\n\n{runs} runs.\n\n{markdown_lines(columns, rows)}"
+    return f"### {title}\n\n{runs} runs.\n\n{markdown_lines(columns, rows)}"
 
 
+UNSEEN = "bad-3.0, three other worlds unseen"
 TITLES = {
-    "bank": "On the embedded bank, bad-3.0, three other worlds unseen",
+    "bank": f"On the embedded bank, {UNSEEN}",
     "real": "On the real AnyNet pool, bad-1.0, each three of five pairs guide and two are unseen",
 }

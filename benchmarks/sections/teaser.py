@@ -1,0 +1,34 @@
+"""One network for all domains: retrained on the union of their data, or merged."""
+
+from __future__ import annotations
+
+import pandas as pd
+import teaser
+
+from sfkit.analysis.tables import markdown_lines
+from sfkit.bank.plan import BANKS
+
+
+def section() -> str:
+    """A table for each bank that ``benchmarks/teaser.py`` has measured.
+
+    Raises:
+        SystemExit: that is none.
+    """
+    files = {name: teaser.FOLDER / f"{name}.csv" for name in BANKS}
+    parts = [_table(name, pd.read_csv(file)) for name, file in files.items() if file.is_file()]
+    if not parts:
+        raise SystemExit("nothing is measured yet: run python benchmarks/teaser.py --pool NAME first")
+    return "\n\n".join([HEAD, *parts])
+
+
+HEAD = """## Retraining on the union of all data, or merging
+
+`python benchmarks/teaser.py --pool NAME`: the paper's figure 1. bad-3.0 in percent, lower is better, on three
+worlds that guided nothing. Seconds are what it takes once a new source's data are there, on the clock of one
+thread: the whole joint training, or the longest fine-tuning and the search's evaluations."""
+
+
+def _table(name: str, frame: pd.DataFrame) -> str:
+    rows = [[row[0], *(f"{value:.2f}" for value in row[1:])] for row in frame.itertuples(index=False)]
+    return f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}"

@@ -1,0 +1,123 @@
+"""Retraining on the union of all data against merging, measured on a bank: the paper's figure 1.
+
+    python benchmarks/teaser.py --pool bank-sharp             # its own joint network
+    python benchmarks/teaser.py --pool bank-slim --joint joint.safetensors --seconds 7200
+    python benchmarks/results.py teaser                       # write what is there into docs/results.md
+
+The sources are merged by both stages, guided by pairs of the validation world alone; the joint network was
+trained on all sources' scenes. All are judged on the three other worlds. Evaluations go through a store, so
+that an interrupted run goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import torch
+from kept import RUNS
+
+import sfkit
+from sfkit import bank
+from sfkit.analysis.measured import Measured, measure_with
+from sfkit.analysis.retraining import JOINT, retraining_against_merging
+from sfkit.bank.plan import bank_plan
+from sfkit.bank.sharp import JOINT as NETWORK
+from sfkit.checkpoints.spec import Member
+from sfkit.files import write_text
+from sfkit.merging import open_pool
+from sfkit.search import RoutingSettings, SubsetSettings
+from sfkit.search.pipeline import SearchResult, search_pool
+from sfkit.search.plan import SearchPlan
+
+FOLDER = RUNS / "teaser"
+UNIFORM = "uniform"
+
+
+def teaser(name: str, joint: Path, seconds: float, plan: SearchPlan, guides: int, tests: int) -> pd.DataFrame:
+    """A row a way to one network: its mean on the unseen worlds, and on each; and what it takes.
+
+    Args:
+        name: the bank.
+        joint: the network that was trained on all sources' scenes.
+        seconds: wall seconds of its training, on the machine the bank was trained on.
+        plan: of the search.
+        guides: pairs of the validation world that guide it.
+        tests: pairs of each other world; all of them where there are fewer.
+    """
+    pool, of = open_pool(name), bank_plan(name).benchmarks
+    retrained = open_pool(replace(pool.spec, sources=(Member("joint", joint),)))
+    worlds = [bank.benchmark(world, of=of) for world in bank.benchmarks() if world != bank.VALIDATION]
+    worlds = [world.first(min(tests, len(world))) for world in worlds]
+    folder = FOLDER / name
+    with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
+        guide = sfkit.Evaluator(pool, bank.benchmark(bank.VALIDATION, of=of).first(guides), store=store)
+        found = search_pool(pool, guide, plan, folder / "search", force=True)
+        judges = [sfkit.Evaluator(pool, world, store=store) for world in worlds]
+        merged = measure_with(judges, {UNIFORM: pool.uniform(), **found.stages})
+        alone = measure_with([j.with_pool(retrained) for j in judges], {JOINT: retrained.equal("joint")})
+    measured = [
+        replace(one, images={**other.images, **one.images}) for one, other in zip(merged, alone, strict=True)
+    ]
+    training = max(bank.training_seconds(name).values())
+    spent = {JOINT: seconds, UNIFORM: training}
+    spent |= {stage: training + _searching(found, stage) for stage in found.stages}
+    table = retraining_against_merging(measured, JOINT, spent).table()
+    return table.join(_by_world(measured)).reset_index()
+
+
+def _by_world(measured: list[Measured]) -> pd.DataFrame:
+    scores = {one.benchmark: {name: one.score(name) for name in one.networks} for one in measured}
+    return pd.DataFrame(scores).rename_axis("way")
+
+
+def _searching(found: SearchResult, stage: str) -> float:
+    """Wall seconds of the evaluations that finding it took, when they were computed."""
+    files = ["stage1.csv"] if stage == "Stage 1" else ["stage1.csv", "stage2.csv"]
+    rows = pd.concat([pd.read_csv(found.folder / name) for name in files])
+    spent = dict(zip(rows["key"], rows["seconds"], strict=True))
+    if found.averaged is not None and stage not in ("Stage 1", "Stage 1+2"):
+        spent[found.averaged.outcome.key] = found.averaged.outcome.seconds
+    return float(sum(spent.values()))
+
+
+def joint_seconds(name: str) -> float:
+    """Wall seconds of a bank's joint training, as its record has them."""
+    record = json.loads((bank.pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
+    return float(record[NETWORK]["seconds"])
+
+
+def main() -> None:
+    """Measure one bank, and keep the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--pool", default="bank-sharp", help="a bank's name")
+    parser.add_argument("--joint", type=Path, help="its joint network, unless it ships with one")
+    parser.add_argument("--seconds", type=float, help="wall seconds of that one's training")
+    parser.add_argument("--population", type=int, default=20)
+    parser.add_argument("--generations", type=int, default=8)
+    parser.add_argument("--evaluations", type=int, default=100)
+    parser.add_argument("--resamples", type=int, default=200)
+    parser.add_argument("--pairs", type=int, default=8, help="that guide")
+    parser.add_argument("--tests", type=int, default=40, help="pairs of each unseen world")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    if (asked.joint is None) != (asked.seconds is None):
+        parser.error("expected both of --joint and --seconds, or none: a time belongs to its network")
+    torch.set_num_threads(1)  # as trainings were timed
+    joint = asked.joint or bank.joint_path(asked.pool)
+    seconds = joint_seconds(asked.pool) if asked.seconds is None else asked.seconds
+    plan = SearchPlan(
+        stage1=SubsetSettings(population=asked.population, generations=asked.generations, seed=asked.seed),
+        stage2=RoutingSettings(evaluations=asked.evaluations, seed=asked.seed),
+        resamples=asked.resamples,
+    )
+    table = teaser(asked.pool, joint, seconds, plan, asked.pairs, asked.tests)
+    print(table.to_string(index=False, float_format="{:.2f}".format))
+    write_text(FOLDER / f"{asked.pool}.csv", table.to_csv(index=False))
+
+
+if __name__ == "__main__":
+    main()
