@@ -96,6 +96,7 @@ def import_evaluations(source: EvaluationStore, target: EvaluationStore) -> tupl
 def take(evaluation: Evaluation, target: EvaluationStore) -> bool:
     """Write an evaluation of another store; False where the target has one that stays."""
     known = target.get(evaluation.key)
+    # A failure may have been its machine's, such as too little memory: a result takes its place.
     if known is not None and (known.failure is None or evaluation.failure is not None):
         return False
     target.put(evaluation)

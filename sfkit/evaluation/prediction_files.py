@@ -161,11 +161,13 @@ class PredictionPlan:
     def others(self) -> list[Path]:
         """Files that an earlier prediction of these images left, and this one does not replace."""
         written = {target for number in range(len(self.stems)) for target in self.targets(number).values()}
+        # An image can be called what a prediction of another one would be.
         written |= {image for pair in self.pairs for image in pair}
         there = (stem.with_name(stem.name + kind) for stem in self.stems for kind in KINDS)
         return [path for path in there if path not in written and path.is_file()]
 
     def _check_targets(self, *, overwrite: bool) -> None:
+        # A link or another spelling must not hide that a result would replace its own image.
         images = {image.resolve() for pair in self.pairs for image in pair}
         claimed: dict[Path, Path] = {}
         for number, (left, _) in enumerate(self.pairs):
@@ -257,7 +259,7 @@ def write_prediction(
     if outputs.form == "pfm":
         write_pfm(targets["disparity"], disparity)
     else:
-        write_disparity_png16(targets["disparity"], np.where(finite & (disparity > 0), disparity, np.nan))
+        write_disparity_png16(targets["disparity"], disparity)
     points = 0
     if outputs.calibration is not None:
         write_pfm(targets["depth"], depth_of(disparity, outputs.calibration))

@@ -48,6 +48,7 @@ class Recipe:
     weights: tuple[tuple[float, ...], ...]
     scales: tuple[float, ...]
     preparation: tuple[Step, ...] = ()
+    # Not compared: bound or not it is one candidate to a search, and keys name the networks themselves.
     merged_from: Mapping[str, str] | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -95,6 +95,7 @@ class Mean:
     sources: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        # A recipe holds its steps and is looked up by hash; JSON gives lists.
         object.__setattr__(self, "sources", tuple(self.sources))
 
 

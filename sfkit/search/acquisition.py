@@ -77,10 +77,13 @@ def _bred(
         first = len(numbered)
         values = bound(equal_weights(ordered, count))
         numbered.extend(
-            (c, (float(v), first + n)) for n, (c, v) in enumerate(zip(ordered, values, strict=True))
+            # The number breaks ties by age, as a search's does, and leads back to the chromosome.
+            (c, (float(v), first + n))
+            for n, (c, v) in enumerate(zip(ordered, values, strict=True))
         )
         return numbered[first:]
 
+    # Half at the least are drawn: bred from the best known alone they would stay among these.
     starts = [*best][: BREEDING.population // 2]
     population = ranked([draft.chromosome for draft in initial(BREEDING, space, starts, rng)])
     for _ in range(BREEDING.generations):

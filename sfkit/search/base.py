@@ -49,6 +49,7 @@ class Search(ABC, Generic[C]):
     def __init__(self, scorer: Scorer, journal: Journal | None) -> None:
         self._scorer = scorer
         self._journal = journal
+        # The journal begins with the first step: a search that was made and never run leaves no trace.
         self._announced = False
         self._stop = threading.Event()
         self._running = threading.Lock()

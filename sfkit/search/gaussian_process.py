@@ -53,6 +53,7 @@ class GaussianProcess:
         across = matern(distances(points, self.points), self.lengths)
         mean = self.mean + across @ self.weights
         explained = np.sum((across @ self.inverse.T) ** 2, axis=1)
+        # At a point it learned from, rounding can leave less than no variance.
         return mean, np.sqrt(self.variance * np.maximum(1.0 - explained, _SMALLEST))
 
     def believing(self, points: Points) -> GaussianProcess:
@@ -64,6 +65,7 @@ class GaussianProcess:
         old, _ = self.predict(self.points)
         return _posterior(
             tuple(np.concatenate(pair) for pair in zip(self.points, points, strict=True)),
+            # The values it learned from are not kept: they are its means there and what it took for noise.
             np.concatenate([old + self.noise * self.weights, mean]),
             self.lengths,
             self.noise,
@@ -99,6 +101,7 @@ def distances(one: Points, other: Points) -> tuple[Array, ...]:
     found = []
     for a, b in zip(one, other, strict=True):
         square = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1)[None, :] - 2.0 * (a @ b.T)
+        # The square written out is slightly negative for equal points, and its root would be NaN.
         found.append(np.maximum(square, 0.0))
     return tuple(found)
 
@@ -130,6 +133,7 @@ def _best_noise(kernel: Array, values: Array, noises: Sequence[float]) -> tuple[
     """Evidence and noise, from one eigen-decomposition; mean and variance are at their best for each."""
     roots, axes = np.linalg.eigh(kernel)
     along, ones = axes.T @ values, axes.sum(axis=0)
+    # Only rounding makes an eigenvalue of a kernel negative.
     spectrum = np.maximum(roots, 0.0) + np.array(noises)[:, None]
     mean = np.sum(ones * along / spectrum, axis=1) / np.sum(ones**2 / spectrum, axis=1)
     found = _evidence(spectrum, (along - mean[:, None] * ones) ** 2 / spectrum, ones)
@@ -146,6 +150,7 @@ def _evidence(spectrum: Array, squares: Array, ones: Array) -> Array:
         ones: the vector of ones along its axes, (n,).
     """
     count = len(ones)
+    # Values that are all equal leave nothing, which has no logarithm.
     fitted = np.maximum(np.sum(squares, axis=1) / count, _SMALLEST)
     lost = np.log(np.sum(ones**2 / spectrum, axis=1))
     return np.asarray(-0.5 * (count * np.log(fitted) + np.sum(np.log(spectrum), axis=1) + lost))
@@ -159,6 +164,7 @@ def _posterior(
     fixed: tuple[float, float] | None = None,
 ) -> GaussianProcess:
     kernel = matern(distances(points, points), lengths)
+    # Two points can be one, as believed ones may: without any noise there is no factor.
     factor = np.linalg.cholesky(kernel + max(noise, 1e-8) * np.eye(len(values)))
     inverse = np.linalg.inv(factor)
     ones, along = inverse.sum(axis=1), inverse @ values

@@ -197,6 +197,7 @@ class JournalledSearch:
         if "most" in self.start:
             return int(self.start["most"])
         population, generations = (int(self.settings[name]) for name in ("population", "generations"))
+        # Offspring came in pairs: an odd population had one more.
         return population + generations * (population + population % 2)
 
     @property
@@ -267,11 +268,13 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
+    # Before whole numbers, one of which True is to Python.
     if value is None or isinstance(value, bool | str):
         return value
     if isinstance(value, Integral):
         return int(value)
     if isinstance(value, Real):
+        # JSON has neither NaN nor infinity.
         return float(value) if math.isfinite(value) else None
     raise TypeError(f"journal: cannot write a {type(value).__name__}")
 

@@ -126,6 +126,7 @@ class SubsetSearch(Search[SubsetCandidate]):
     def _advance(self) -> None:
         state, settings = self._state, self.settings
         generation = state.generation + 1
+        # Anew for each generation: a step that was interrupted draws the same when it is done again.
         rng = generator(settings.seed, Stream.SUBSET_SEARCH, generation)
         if generation == 0:
             drafts = initial(settings, self.space, self._starts, rng)

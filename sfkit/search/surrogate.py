@@ -133,6 +133,8 @@ def learned(points: Points, scores: Array) -> Surrogate:
     values = np.where(finite, scores, np.max(scores[finite]))
     kept = np.sort(np.argsort(values, kind="stable")[:LARGEST])
     chosen = tuple(group[kept] for group in points)
+    # Where no point differs in a group its length scale has no bearing on the evidence: a climb along it
+    # would find ties alone.
     spread = [float(np.max(np.ptp(group, axis=0), initial=0.0)) for group in chosen]
     groups = tuple(g for g, width in enumerate(spread) if width > 0.0) or (0,)
     return Surrogate(fit(tuple(chosen[g] for g in groups), values[kept]), groups)

@@ -55,6 +55,7 @@ class Scratch(nn.Module):
         super().__init__()
         width, out = size.head_width, size.out_channels
         for level, channels in enumerate(size.tap_channels, start=1):
+            # Numbered attributes instead of lists: these are the keys of published files.
             setattr(self, f"layer{level}_rn", nn.Conv2d(channels, width, 3, padding=1, bias=False))
             setattr(self, f"refinenet{level}", FusionStep(width))
         self.output_conv1 = nn.Conv2d(width, out, 3, padding=1)

@@ -44,6 +44,7 @@ def sample_around(signal: Tensor, position: Tensor, level: int) -> Tensor:
     steps = torch.arange(count * span, device=signal.device)
     index = first[:, :, None] + steps[:, None, None]
     inside = (index >= 0) & (index < signal.shape[2])
+    # Read inside and blanked below: a gather from outside is an error.
     index = index.clamp(0, signal.shape[2] - 1).expand(-1, signal.shape[1], -1, -1, -1)
     entries = torch.where(inside, signal.gather(2, index), 0.0)
     if level:

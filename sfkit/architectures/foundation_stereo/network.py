@@ -142,6 +142,7 @@ class FoundationStereo(nn.Module):
             InputError: shapes other than these.
         """
         encoded = self.encode(left, right, initial)
+        # Only the last step is brought to full resolution.
         disparity, mask = deque(self._refinements(encoded), maxlen=1).pop()
         return self._upsample(encoded, disparity, mask)
 
@@ -196,6 +197,7 @@ class FoundationStereo(nn.Module):
             evidence = encoded.lookup(disparity)
             with self._precision(disparity):
                 update = self.update_block(hidden, encoded.context, encoded.attention, evidence, disparity)
+            # Summed in full precision: half has steps of 1/16 from 64 on.
             hidden, disparity = update.hidden, disparity + update.step.float()
             yield disparity, update.mask
 

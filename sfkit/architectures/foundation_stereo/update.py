@@ -91,6 +91,7 @@ class StepLayer(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
+        # A layer begins as nearly the identity (layer scale, Touvron et al. 2021).
         self.gamma = nn.Parameter(1e-6 * torch.ones(channels))
         self.dwconv = nn.Conv2d(channels, channels, 7, padding=3, groups=channels)
         self.pwconv1 = nn.Linear(channels, 4 * channels)
@@ -157,6 +158,7 @@ class UpdateBlock(nn.Module):
         middle = self.gru08(attention[1], middle, context[1], _halve(fine), _double(coarse, middle))
         motion = self.encoder(disparity, evidence)
         fine = self.gru04(attention[0], fine, context[0], motion, _double(middle, fine))
+        # RAFT's factor on the mask (Teed and Deng 2020), which published weights were trained with.
         return Update((fine, middle, coarse), 0.25 * self.mask(fine), self.disp_head(fine))
 
 

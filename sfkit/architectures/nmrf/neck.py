@@ -36,6 +36,7 @@ class DeformableAttention(nn.Module):
         """Queries (B, h, w, c) on one grid, values (B, h', w', c) on another -> (B, h, w, c)."""
         batch, height, width, _ = queries.shape
         grid = self._places(queries, values.shape[1:3])
+        # Sampling takes values and places of one type.
         maps = self.value_proj(values).to(grid.dtype)
         maps = maps.unflatten(-1, (HEADS, -1)).permute(0, 3, 4, 1, 2).flatten(0, 1)
         samples = F.grid_sample(maps, grid, mode="bilinear", padding_mode="zeros", align_corners=False)

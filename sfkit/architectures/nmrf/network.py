@@ -84,6 +84,7 @@ class NMRF(nn.Module):
         super().__init__()
         self.encoder_name = encoder_name
         self.multiple = multiple
+        # Published files hold it; it is empty, and nothing reads it.
         self.register_buffer("device_indicator_tensor", torch.empty(0))
         self.concatconv = projection(features, WIDTH, CONCAT_WIDTH)
         self.gw = projection(features, WIDTH, GROUP_WIDTH)
@@ -125,6 +126,7 @@ class NMRF(nn.Module):
         proposals = self.dpn(eighth_left, eighth_right, grid)
 
         features = MatchingFeatures.from_encoder(self.concatconv, self.gw, eighth_left, eighth_right)
+        # What proposes labels has a loss of its own; inference learns from labels as they are.
         labels = proposals.labels.detach()
         coarse = [self._coarse(labels, tokens) for tokens in self.inference(labels, features)]
         best = winner(coarse[-1].disp_pred, coarse[-1].logits_pred) * (STRIDE / REFINE_STRIDE)

@@ -40,6 +40,7 @@ class RayWorker:
     def open(self, order: Order) -> None:
         """Become a worker; see :meth:`~sfkit.evaluation.engines.plan.WorkerPlan.open`."""
         warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
+        # The module of an architecture is imported by its name, from where the user has it.
         sys.path.extend(entry for entry in order.path if entry not in sys.path)
         order.plan.register()
         self._worker: Worker = order.plan.open(order.device, order.pool.open())
@@ -74,6 +75,7 @@ class RayCrew(Crew[RaySeat]):
 
         super().__init__(start_seconds)
         self._ray: Any = ray
+        # A cluster that the user joined stays joined when this crew goes.
         self._owns_ray = not ray.is_initialized()
         if self._owns_ray:
             connect(ray)
@@ -112,6 +114,7 @@ class RayCrew(Crew[RaySeat]):
         try:
             message = self._ray.get(seat.pending)
         except self._ray.exceptions.RayTaskError as error:
+            # What one worker refuses when it opens, the next would refuse as well.
             if not seat.ready and isinstance(error.cause, SfkitError):
                 raise InputError(str(error.cause)) from error
             yield from self._bury(seat, f"raised {type(error.cause).__name__}: {error.cause}")
@@ -125,6 +128,7 @@ class RayCrew(Crew[RaySeat]):
 
     def _hire(self, seat: RaySeat) -> None:
         remote = self._ray.remote(RayWorker)
+        # Restarted by Ray, a worker would be empty: crews hire anew, count, and give up with a sentence.
         options = {"num_cpus": 1, "num_gpus": self._gpus, "max_restarts": 0, "scheduling_strategy": "SPREAD"}
         seat.actor = remote.options(**options).remote()
         seat.pending = seat.actor.open.remote(self._order)
@@ -166,6 +170,7 @@ def ray_engine(
     plan = WorkerPlan.of(pool, held, benchmark.quantities, mode=compute.mode, threads=threads)
 
     def hire() -> RayCrew:
+        # An empty entry is the working folder of whoever reads it, another one there.
         order = Order(plan, SharedPool.of(pool), tuple(filter(None, sys.path)), kind)
         return RayCrew(order, workers, start_seconds)
 

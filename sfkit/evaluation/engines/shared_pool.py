@@ -38,6 +38,7 @@ class TensorBytes:
         """The tensor in the same memory; nothing may write to it."""
         if not self.data.size:
             return torch.empty(self.shape, dtype=self.dtype)
+        # Object stores hand out read-only memory, and torch warns of it.
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
             return torch.from_numpy(self.data).view(self.dtype).reshape(self.shape)
