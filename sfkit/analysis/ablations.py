@@ -7,7 +7,7 @@ store holds already, from whichever experiment, is not computed again.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import pandas as pd
@@ -23,7 +23,6 @@ from sfkit.errors import InputError
 from sfkit.evaluation.separation import marked, pairs_in_common
 from sfkit.merging.recipe import Recipe
 from sfkit.search.constraints import transfer
-from sfkit.search.records import Counts
 
 MEAN = UNSEEN
 """The column that averages over the benchmarks which guided no search."""
@@ -227,7 +226,7 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
         answers = {"own search": own[here], f"found on {other.pool.name}": reused}
         frame = _table(here, answers).rename_axis("subset from").reset_index()
         frame.insert(0, "pool", here.pool.name)
-        frame["evaluations"] = [_distinct(answer.counts.values()) for answer in answers.values()]
+        frame["evaluations"] = [sum(c.distinct for c in one.counts.values()) for one in answers.values()]
         frame["reused"] = ["", _against_own(here, {name: a.recipe for name, a in answers.items()})]
         frames.append(frame)
     return pd.concat(frames, ignore_index=True).set_index(["pool", "subset from"])
@@ -274,7 +273,3 @@ def scored(
     unseen = [name for name in columns if name not in seen]
     marks = {} if guide is not None else {name: marked(name, guided=True) for name in columns if name in seen}
     return with_means(table, experiment.compared, unseen).rename(columns=marks)
-
-
-def _distinct(counts: Iterable[Counts]) -> int:
-    return sum(count.distinct for count in counts)

@@ -102,11 +102,10 @@ def routing_trace(search: RoutingSearch, *, metric: str | None = None) -> Routin
     candidates = search.state.candidates
     if not candidates:
         raise InputError("routing search: found no evaluation yet, expected at least one: call step() first")
-    gamma = (float(search.settings.gamma[0]), float(search.settings.gamma[1]))
     return RoutingTrace(
         sources=search.sources,
         blocks=search.blocks,
-        gamma=gamma,
+        gamma=search.settings.gamma,
         metric=metric,
         generation=np.array([c.generation for c in candidates], dtype=np.int64),
         score=np.array([c.score for c in candidates]),
@@ -131,23 +130,16 @@ def watched_routing(records: Iterable[Mapping[str, Any]], *, metric: str | None 
     """
     found = JournalledSearch.begun(records, RoutingSearch.kind)
     entries, gamma = found.candidates, found.settings["gamma"]
+    # Journals from before there was a hold-out choose by the penalised score.
+    by = "criterion" if "criterion" in entries[0] else "penalised"
     return RoutingTrace(
         sources=found.sources,
         blocks=found.blocks,
         gamma=(float(gamma[0]), float(gamma[1])),
         metric=metric,
         generation=np.array([entry["generation"] for entry in entries], dtype=np.int64),
-        score=_scores(entries, "score"),
-        penalised=_chosen_by(
-            list(
-                zip(
-                    _scores(entries, "criterion" if "criterion" in entries[0] else "penalised").tolist(),
-                    (entry.get("fold") for entry in entries),
-                    (entry["origin"] for entry in entries),
-                    strict=True,
-                )
-            )
-        ),
+        score=np.array([journalled_score(entry) for entry in entries], dtype=np.float64),
+        penalised=_chosen_by([(journalled_score(e, by), e.get("fold"), e["origin"]) for e in entries]),
         weights=np.array([entry["weights"] for entry in entries], dtype=np.float64),
         scales=np.array([entry["scales"] for entry in entries], dtype=np.float64),
         sigma=np.array([entry["sigma"] for entry in entries], dtype=np.float64),
@@ -161,7 +153,3 @@ def _chosen_by(candidates: Sequence[tuple[float, int | None, str]]) -> Floats:
     averaged = any(origin == "average" for _, _, origin in candidates)
     out = [math.inf if averaged and fold is not None else value for value, fold, _ in candidates]
     return np.array(out, dtype=np.float64)
-
-
-def _scores(entries: Sequence[Mapping[str, Any]], key: str) -> Floats:
-    return np.array([journalled_score(entry, key) for entry in entries], dtype=np.float64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -155,11 +155,10 @@ def _lines(
         [name, *(measured.score(name, metric=metric) for metric in heads.values())]
         for name in measured.networks
     ]
-    digits: Mapping[str, int] = dict.fromkeys(heads, 4)
     where = f"protocol {benchmark.protocol} on {benchmark.name} ({benchmark.coverage})"
     return [
         f"{', '.join(metrics)} under {where}",
-        *tables.lines(("network", *heads), rows, digits=digits),
+        *tables.lines(("network", *heads), rows, digits=dict.fromkeys(heads, 4)),
         *(f"{metric}: {one.network} is {one}" for metric, one in zip(metrics, found, strict=True)),
         *([] if maps is None else [f"maps: {maps}"]),
     ]

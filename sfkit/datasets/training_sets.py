@@ -1,6 +1,4 @@
-"""Open training sets: a public one by its manifest, any folder or table of pairs, or a benchmark's own
-pairs.
-"""
+"""Open training sets: a public one by its manifest, one's own pairs, or a benchmark's."""
 
 from __future__ import annotations
 
@@ -121,9 +119,8 @@ def open_training_set(
     """Find the pairs of a training set under a folder; no image is read, and any part of it will do.
 
     Args:
-        name: a training set's (``sceneflow``, ``sintel``, ...), ``pairs`` for a folder or CSV of one's own,
-        or
-            a benchmark's (``kitti2015``, ...).
+        name: a training set's (``sceneflow``, ``sintel``, ...), ``pairs`` for a folder or CSV
+            of one's own, or a benchmark's (``kitti2015``, ...).
         root: the folder.
         hold_out: keep the held-out sequences from training; False trains on them too.
         coding: of ``pairs``, where a suffix does not settle it.

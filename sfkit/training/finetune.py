@@ -213,13 +213,8 @@ def _start(
         chosen = entry.resolve(options)
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(settings.seed)
-            return (
-                entry,
-                chosen,
-                entry.build(**chosen),
-                Layout(),
-                {"file": "", "fingerprint": "", "licence": ""},
-            )
+            origin = dict.fromkeys(("file", "fingerprint", "licence"), "")
+            return entry, chosen, entry.build(**chosen), Layout(), origin
     path = Path(base)
     recorded = read_training(path)
     if name is None and recorded is not None:
