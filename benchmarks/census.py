@@ -11,7 +11,6 @@ they lack are measured.
 
 from __future__ import annotations
 
-import argparse
 import itertools
 import json
 import os
@@ -26,6 +25,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.stats import spearmanr
+from stages import answered
 
 import sfkit
 from sfkit import bank
@@ -258,26 +258,20 @@ def measure(subsets: int, pairs: int, folder: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--subsets", type=int, default=60, help="of the bank")
-    parser.add_argument("--pairs", type=int, default=8, help="of each of the bank's worlds")
-    parser.add_argument("--folder", type=Path, default=Path("runs/census"), help="where results are kept")
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
-    options = vars(parser.parse_args(arguments))
-    as_json = options.pop("json")
-    rows = measure(**options)
-    if as_json:
-        print(json.dumps(rows, indent=2))
-        return
+def text(rows: Sequence[dict[str, Any]]) -> str:
+    """The rows as text."""
+    lines = []
     for row in rows:
-        print(f"{row['benchmark']} ({row['networks']} networks), spn {row['spn']}: best {row['best']:.2f}")
+        about = f"{row['benchmark']} ({row['networks']} networks), spn {row['spn']}"
+        lines.append(f"{about}: best {row['best']:.2f}")
         for name, found in row["variants"].items():
-            print(
-                f"  {name:32} {found['correlation']:5.2f}  picks {found['picked']:6.2f}  {found['cost']:.3f}"
-            )
+            picked, cost = found["picked"], found["cost"]
+            lines.append(f"  {name:32} {found['correlation']:5.2f}  picks {picked:6.2f}  {cost:.3f}")
+    return "\n".join(lines)
 
+
+OPTIONS = {"subsets": 60, "pairs": 8, "folder": Path("runs/census")}
+"""Of the command line: of the bank, of each of its worlds, and where results are kept."""
 
 if __name__ == "__main__":
-    main()
+    answered(__doc__, measure, OPTIONS, text)

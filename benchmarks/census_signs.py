@@ -11,8 +11,6 @@ rank correlation, and the change against the equal mixture on the guide's own pa
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -24,6 +22,7 @@ import evidence_real
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from stages import printed
 
 import sfkit
 from sfkit import bank
@@ -139,23 +138,20 @@ def on_real_pairs(store: Path, seeds: int, evaluations: int) -> Iterator[dict[st
             yield signs(f"five real pairs, seed {seed}", pool, guides, truths, true, None, stages)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--bank", type=Path, default=Path("runs/census_bank.sqlite"), help="its store")
-    parser.add_argument("--real", type=Path, default=Path("runs/census_guides.sqlite"), help="its store")
-    parser.add_argument("--json", action="store_true", help="print a JSON list of records")
-    options = parser.parse_args(arguments)
+def measure(bank: Path, real: Path) -> list[dict[str, Any]]:
+    """One row a guide; the arguments are the stores of the searches that are run again."""
     torch.set_num_threads(1)
-    rows = list(on_the_bank(options.bank, 8, 80))
-    if "SFKIT_REAL_DATA" in os.environ:
-        rows = [*on_real_pairs(options.real, 2, 150), *rows]
-    if options.json:
-        print(json.dumps(rows, indent=2))
-        return
-    for row in rows:
-        print("  ".join(f"{key} {value}" for key, value in row.items()))
+    seen = on_real_pairs(real, 2, 150) if "SFKIT_REAL_DATA" in os.environ else ()
+    return [*seen, *on_the_bank(bank, 8, 80)]
 
+
+def line(row: dict[str, Any]) -> str:
+    """A row as text."""
+    return "  ".join(f"{key} {value}" for key, value in row.items())
+
+
+OPTIONS = {"bank": Path("runs/census_bank.sqlite"), "real": Path("runs/census_guides.sqlite")}
+"""Of the command line."""
 
 if __name__ == "__main__":
-    main()
+    printed(__doc__, measure, OPTIONS, line)

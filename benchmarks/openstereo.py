@@ -16,7 +16,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,6 +53,8 @@ CASES = {
     "IGEV": Case("igev/igev_sceneflow_amp.yaml", (64, 96)),
     "PSMNet": Case("psmnet/psmnet_sceneflow.yaml", (256, 256)),
 }
+Walk = Callable[[str, Path, Path], dict[str, Any]]
+"""A name, the folder of code, and that of real pairs -> what was found."""
 
 
 def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> dict[str, Any]:
@@ -159,31 +161,30 @@ def _timed(spent: dict[str, float], name: str) -> Iterator[None]:
     spent[name] = time.process_time() - started
 
 
-def folders() -> tuple[Path, Path]:
-    """The checkout and the real pairs, as the two variables name them.
+def answer(about: str | None, checkouts: str, cases: Iterable[str], measure: Walk) -> None:
+    """Measure the one of ``cases`` that the command line names, and print.
+
+    Args:
+        about: what ``--help`` says.
+        checkouts: the variable that names the folder of code; :data:`REAL` that of pairs.
+        cases: the names there are.
+        measure: one of them.
 
     Raises:
-        SystemExit: one is not set.
+        SystemExit: a variable is not set.
     """
-    missing = [name for name in (CHECKOUT, REAL) if not os.environ.get(name)]
-    if missing:
-        raise SystemExit(f"{' and '.join(missing)}: not set, expected the folder's path")
-    return Path(os.environ[CHECKOUT]).expanduser(), Path(os.environ[REAL]).expanduser()
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure one model and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("name", choices=CASES)
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("name", choices=cases)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
-    with redirect_stdout(sys.stderr):  # what the checkout prints is not the document
-        result = measure(options.name, *folders())
-    if options.json:
-        json.dump(result, sys.stdout)
-    else:
-        print("\n".join(f"{key}: {value}" for key, value in result.items()))
+    options = parser.parse_args()
+    if missing := [name for name in (checkouts, REAL) if not os.environ.get(name)]:
+        raise SystemExit(f"{' and '.join(missing)}: not set, expected the folder's path")
+    code, real = (Path(os.environ[name]).expanduser() for name in (checkouts, REAL))
+    with redirect_stdout(sys.stderr):  # what a checkout prints is not the document
+        result = measure(options.name, code, real)
+    lines = "\n".join(f"{key}: {value}" for key, value in result.items())
+    print(json.dumps(result) if options.json else lines)
 
 
 if __name__ == "__main__":
-    main()
+    answer(__doc__, CHECKOUT, CASES, measure)

@@ -9,17 +9,12 @@ a checkout itself requires (opt_einsum, timm) must be installed.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
-import sys
-from collections.abc import Mapping, Sequence
-from contextlib import redirect_stdout
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from openstereo import REAL, walk
+from openstereo import answer, walk
 
 CHECKOUTS = "SFKIT_CHECKOUTS"
 SIZE = (128, 192)  # height and width of the part of the real pair, in pixels
@@ -41,25 +36,11 @@ CASES = {
 }
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure one network and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("name", choices=CASES)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    given = parser.parse_args(arguments)
-    missing = [name for name in (CHECKOUTS, REAL) if not os.environ.get(name)]
-    if missing:
-        raise SystemExit(f"{' and '.join(missing)}: not set, expected the folder's path")
-    checkouts, real = (Path(os.environ[name]).expanduser() for name in (CHECKOUTS, REAL))
-    case = CASES[given.name]
-    options = {"root": str(checkouts / case.root), **case.options}
-    with redirect_stdout(sys.stderr):  # what a checkout prints is not the document
-        result = {"name": given.name, **walk(case.kind, options, SIZE, real)}
-    if given.json:
-        json.dump(result, sys.stdout)
-    else:
-        print("\n".join(f"{key}: {value}" for key, value in result.items()))
+def measure(name: str, checkouts: Path, real: Path) -> dict[str, Any]:
+    """Walk one network's road."""
+    case = CASES[name]
+    return {"name": name, **walk(case.kind, {"root": str(checkouts / case.root), **case.options}, SIZE, real)}
 
 
 if __name__ == "__main__":
-    main()
+    answer(__doc__, CHECKOUTS, CASES, measure)

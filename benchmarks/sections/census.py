@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import census
@@ -12,6 +12,7 @@ import evidence_real
 from processes import call, shown
 
 from sfkit import bank
+from sfkit.analysis.tables import markdown_lines
 
 COMMAND = ("census.py", "--json")
 GUIDED = ("census_guides.py", "--seeds", "2", "--json")
@@ -70,16 +71,19 @@ the share on the other half. Then the change of the network found against the eq
 census and of true error, on the guide's own pairs and on further ones."""
 
 
+def _table(heads: Sequence[str], rows: Iterable[Sequence[object]], texts: int = 1) -> str:
+    """The first columns are ``texts``; numbers stand right."""
+    return markdown_lines(heads, rows, [False] * texts + [True] * (len(heads) - texts))
+
+
 def _real(rows: Sequence[dict[str, Any]]) -> str:
-    lines = ["| pair | stage | rank correlation | its pick | best | uniform |", "|---|---|--:|--:|--:|--:|"]
+    lines = []
     for row in rows:
         own = row["variants"][census.DEFAULT]
+        numbers = (own["correlation"], own["picked"], row["best"], row["uniform"])
         stage = "with propagation" if row["spn"] else "without"
-        lines.append(
-            f"| {row['benchmark']} | {stage} | {own['correlation']:.2f} | {own['picked']:.2f} | "
-            f"{row['best']:.2f} | {row['uniform']:.2f} |"
-        )
-    return "\n".join(lines)
+        lines.append((row["benchmark"], stage, *(f"{number:.2f}" for number in numbers)))
+    return _table(("pair", "stage", "rank correlation", "its pick", "best", "uniform"), lines, 2)
 
 
 def _variants(rows: Sequence[dict[str, Any]]) -> str:
@@ -95,7 +99,7 @@ def _variants(rows: Sequence[dict[str, Any]]) -> str:
         "cost on real",
         "on bank",
     ]
-    lines = [f"| variant | {' | '.join(heads)} |", "|---|" + "--:|" * len(heads)]
+    lines = []
     for name in census.VARIANTS:
         cells = []
         for group in groups.values():
@@ -108,8 +112,8 @@ def _variants(rows: Sequence[dict[str, Any]]) -> str:
         for group in (real, worlds):
             costs = [row["variants"][name]["cost"] for row in group if name in row["variants"]]
             cells.append(f"{100 * statistics.fmean(costs):.0f} %" if costs else "")
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
+        lines.append((name, *cells))
+    return _table(("variant", *heads), lines)
 
 
 def _cell(row: dict[str, Any], name: str) -> str:
@@ -121,23 +125,22 @@ def _cell(row: dict[str, Any], name: str) -> str:
 
 def _two_passes(rows: Sequence[dict[str, Any]]) -> str:
     worlds = [row for row in rows if row["kind"] == "bank, two passes"]
-    lines = [f"| variant | {' | '.join(row['benchmark'] for row in worlds)} | cost |"]
-    lines.append("|---|" + "--:|" * (len(worlds) + 1))
+    lines = []
     for name in (census.DEFAULT, *census.OCCLUDED):
         cost = statistics.fmean(row["variants"][name]["cost"] for row in worlds)
-        lines.append(f"| {name} | {' | '.join(_cell(row, name) for row in worlds)} | {100 * cost:.0f} % |")
-    return "\n".join(lines)
+        lines.append((name, *(_cell(row, name) for row in worlds), f"{100 * cost:.0f} %"))
+    return _table(("variant", *(row["benchmark"] for row in worlds), "cost"), lines)
 
 
 def _guides(rows: Sequence[dict[str, Any]]) -> str:
     pairs = evidence_real.PAIRS
-    lines = [f"| guide | network | seed | {' | '.join(pairs)} | mean |", "|---|---|--:|" + "--:|" * 6]
+    lines = []
     for row in rows:
         errors = [row[pair] for pair in pairs]
         seed = row["seed"] if row["guide"] else ""
-        cells = " | ".join(f"{error:.2f}" for error in (*errors, statistics.fmean(errors)))
-        lines.append(f"| {row['guide']} | {row['stage']} | {seed} | {cells} |")
-    return "\n".join(lines)
+        cells = (f"{error:.2f}" for error in (*errors, statistics.fmean(errors)))
+        lines.append((row["guide"], row["stage"], seed, *cells))
+    return _table(("guide", "network", "seed", *pairs, "mean"), lines, 2)
 
 
 def _worlds(rows: Sequence[dict[str, Any]]) -> str:
@@ -146,21 +149,23 @@ def _worlds(rows: Sequence[dict[str, Any]]) -> str:
     found: dict[tuple[str, str, int], dict[str, float]] = {}
     for row in scored:
         found.setdefault((row["guide"], row["stage"], row["seed"]), {})[row["world"]] = row["score"]
-    lines = [f"| guide | network | {' | '.join(worlds)} |", "|---|---|" + "--:|" * len(worlds)]
-    for (guide, stage, _), scores in found.items():
-        lines.append(f"| {guide} | {stage} | {' | '.join(f'{scores[world]:.2f}' for world in worlds)} |")
+    lines = [
+        (guide, stage, *(f"{scores[world]:.2f}" for world in worlds))
+        for (guide, stage, _), scores in found.items()
+    ]
     said = [
         f"- {row['world']}, {row['stage'].partition(', ')[2]}: {row['sentence']}"
         for row in rows
         if "sentence" in row
     ]
-    return "\n".join([*lines, "", "What the trust sentence says of each world:", "", *said])
+    table = _table(("guide", "network", *worlds), lines, 2)
+    return "\n".join([table, "", "What the trust sentence says of each world:", "", *said])
 
 
 def _signs(rows: Sequence[dict[str, Any]]) -> str:
     heads = ["correlation", "stability", "of the searched", "kept"]
     heads += ["census, own pairs", "true error", "census, further pairs", "true error"]
-    lines = [f"| guide | {' | '.join(heads)} |", "|---|" + "--:|" * len(heads)]
+    lines = []
     for row in rows:
         cells = [row[key] for key in ("correlation", "stability", "stability of the searched", "kept")]
         cells += [
@@ -170,5 +175,5 @@ def _signs(rows: Sequence[dict[str, Any]]) -> str:
         ]
         told = ["" if cell is None else f"{cell:.2f}" for cell in cells[:4]]
         told += ["" if cell is None else f"{cell:+.2f}" for cell in cells[4:]]
-        lines.append(f"| {row['guide']} | {' | '.join(told)} |")
-    return "\n".join(lines)
+        lines.append((row["guide"], *told))
+    return _table(("guide", *heads), lines)

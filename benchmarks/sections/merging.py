@@ -7,6 +7,8 @@ from typing import Any
 from pictures import bars, picture
 from processes import call, shown
 
+from sfkit.analysis.tables import markdown_lines
+
 DOCUMENT = "benchmarks/README.md"
 COMMAND = ("merging.py", "--json")
 AIM = 1.15
@@ -44,14 +46,14 @@ def section() -> str:
             "",
             picture(figure, "merging", "Time of merges as multiples of the memory limit"),
             "",
-            *_table(ratios),
+            _table(ratios),
             "",
             f"The aim of {AIM} times the limit is {met}. {_beside(milliseconds)}",
             "",
             "TIES at 50 M elements, against the limit of a linear merge (aims: 15 for one lambda, 2 for each "
             "further one):",
             "",
-            *_table(_by_case(ties, "ratio")),
+            _table(_by_case(ties, "ratio")),
         ]
     )
 
@@ -68,16 +70,10 @@ def _by_case(rows: list[dict[str, Any]], figure: str) -> Cases:
     return found
 
 
-def _table(figures: Cases) -> list[str]:
+def _table(figures: Cases) -> str:
     heads = list(next(iter(figures.values())))
-    return [
-        "| variant | " + " | ".join(heads) + " |",
-        "|---|" + "--:|" * len(heads),
-        *(
-            f"| {name} | " + " | ".join(f"{row[h]:.2f}" for h in heads) + " |"
-            for name, row in figures.items()
-        ),
-    ]
+    rows = [(name, *(f"{row[h]:.2f}" for h in heads)) for name, row in figures.items()]
+    return markdown_lines(("variant", *heads), rows, [False, *[True] * len(heads)])
 
 
 def _beside(milliseconds: Cases) -> str:

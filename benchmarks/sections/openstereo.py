@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any
 
 from processes import call, shown
+
+from sfkit.analysis.tables import markdown_lines
 
 
 def section() -> str:
@@ -23,16 +25,17 @@ def section() -> str:
         "Stage 1 over the one subset of two sources, which was scored before, and three mixtures more in "
         "Stage 2.",
         "",
-        *rows(call("openstereo.py", name, "--json") for name in cases),
+        rows(call("openstereo.py", name, "--json") for name in cases),
     ]
     return "\n".join(lines)
 
 
-def rows(results: Iterable[dict[str, Any]]) -> Iterator[str]:
+def rows(results: Iterable[dict[str, Any]]) -> str:
     """What ``walk`` of ``benchmarks/openstereo.py`` found, a network a row."""
-    yield "| model | parameters | size | blocks | open | merge, write | one evaluation | search | peak MB |"
-    yield "|---|--:|--:|---|--:|--:|--:|--:|--:|"
+    steps = {"open": "open", "merge": "merge, write", "evaluate": "one evaluation", "search": "search"}
+    cells = []
     for r in results:
-        size, seconds = r["size"], (f"{r[step]} s" for step in ("open", "merge", "evaluate", "search"))
-        first = (r["name"], f"{r['parameters']:,}", f"{size[0]} x {size[1]}", ", ".join(r["blocks"]))
-        yield f"| {' | '.join((*first, *seconds))} | {r['peak_memory_mb']:,} |"
+        first = (r["name"], f"{r['parameters']:,}", "{} x {}".format(*r["size"]), ", ".join(r["blocks"]))
+        cells.append((*first, *(f"{r[step]} s" for step in steps), f"{r['peak_memory_mb']:,}"))
+    heads = ("model", "parameters", "size", "blocks", *steps.values(), "peak MB")
+    return markdown_lines(heads, cells, [False, True, True, False, *[True] * 5])

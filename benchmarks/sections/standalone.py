@@ -20,6 +20,6 @@ def section() -> str:
         "updates. Weights, pair, seconds and search are as in the OpenStereo section: they tell that all",
         "steps run and what they take, not how well such networks merge.",
         "",
-        *rows(call("standalone.py", name, "--json") for name in cases),
+        rows(call("standalone.py", name, "--json") for name in cases),
     ]
     return "\n".join(lines)
