@@ -19,6 +19,7 @@ from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
 from sfkit.merging.partitions import WAYS, auto_partition
 
+WORLDS = [name for name in benchmarks() if name != VALIDATION]
 EVALUATIONS = 300
 POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
 UNSEEN_PAIRS = 20
@@ -41,12 +42,13 @@ def jobs() -> dict[str, Job]:
     return found
 
 
+def settings(**kind: Any) -> sfkit.RoutingSettings:
+    """Of Stage 2, by whose budget all ways are run."""
+    return sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, **kind)
+
+
 def trials(pairs: int) -> list[Trial]:
     """The ways to run Stage 2 with so many validation pairs."""
-
-    def settings(**guard: float) -> sfkit.RoutingSettings:
-        return sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, **guard)
-
     found = [Trial("plain", settings()), Trial("plain, x / 2", settings(), shorten=0.5)]
     found.append(Trial("shrinkage 0.05", settings(shrinkage=0.05)))
     if pairs >= 4:
@@ -58,10 +60,6 @@ def trials(pairs: int) -> list[Trial]:
 
 def routings() -> list[Trial]:
     """Tied, low-rank and block-specific routing at one budget, the last with the entropy penalty as well."""
-
-    def settings(**kind: Any) -> sfkit.RoutingSettings:
-        return sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, **kind)
-
     return [
         Trial("tied", settings()),
         Trial("rank 1", settings(tied=False, rank=1)),
@@ -77,11 +75,7 @@ def partitions(seed: int, folder: Path) -> pd.DataFrame:
     ways = {"architecture's": None, **{by: auto_partition(opened(), by=by) for by in WAYS}}
     kinds = {"tied": True, "block-specific": False}
     ours = [
-        Trial(
-            f"{way}, {kind}",
-            sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, tied=tied),
-            partition=partition,
-        )
+        Trial(f"{way}, {kind}", settings(tied=tied), partition=partition)
         for way, partition in ways.items()
         for kind, tied in kinds.items()
     ]
@@ -93,11 +87,8 @@ def compared(
 ) -> pd.DataFrame:
     """Both stages guided by ``pairs`` pairs of the validation world, drawn by the seed."""
     pool = opened()
-    order = np.random.default_rng([seed, 7]).permutation(40)
-    ids = [f"{VALIDATION}-{index:02d}" for index in sorted(order[:pairs])]
-    chosen = benchmark(VALIDATION).select(ids)
     with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
-        scorer = sfkit.Evaluator(pool, chosen, store=store)
+        scorer = sfkit.Evaluator(pool, drawn(pairs, seed), store=store)
         stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
         subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
         judges = {name: unseen.with_store(store) for name, unseen in unseen_evaluators().items()}
@@ -105,6 +96,12 @@ def compared(
     table.insert(0, "pairs", pairs)
     table["subset"] = "+".join(subset)
     return table
+
+
+def drawn(pairs: int, seed: int) -> Benchmark:
+    """Pairs of the validation world, drawn by the seed."""
+    order = np.random.default_rng([seed, 7]).permutation(40)
+    return benchmark(VALIDATION).select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
 
 
 @lru_cache
@@ -116,8 +113,7 @@ def opened() -> Pool:
 @lru_cache
 def unseen_evaluators() -> dict[str, sfkit.Evaluator]:
     """New pairs of the validation world, under its name, then the other worlds'."""
-    names = [name for name in benchmarks() if name != VALIDATION]
-    judged = {VALIDATION: new_pairs(), **{name: benchmark(name).first(UNSEEN_PAIRS) for name in names}}
+    judged = {VALIDATION: new_pairs(), **{name: benchmark(name).first(UNSEEN_PAIRS) for name in WORLDS}}
     return {name: sfkit.Evaluator(opened(), judge) for name, judge in judged.items()}
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import evidence_real
 import numpy as np
 from census import FRAMES
+from stage2_worlds import window
 
 from sfkit.datasets.formats import write_png
 from sfkit.datasets.pairs import Pair
@@ -49,11 +50,8 @@ def _copied(folder: Path, pairs: Iterable[tuple[str, Pair]]) -> Path:
     for name, pair in pairs:
         own = folder / name
         own.mkdir(parents=True)
-        sample = pair.load()
-        height, width = sample.disparity.shape
-        top, start = max(0, height - SIZE[0]) // 2, max(0, width - SIZE[1]) // 2
-        cut = slice(top, top + SIZE[0]), slice(start, start + SIZE[1])
-        write_png(own / "left.png", sample.left[cut][..., ::-1])  # OpenCV's order of colours
-        write_png(own / "right.png", sample.right[cut][..., ::-1])
-        np.save(own / "disp.npy", sample.disparity[cut])
+        sample = window(pair.load(), SIZE)
+        write_png(own / "left.png", sample.left[..., ::-1])  # OpenCV's order of colours
+        write_png(own / "right.png", sample.right[..., ::-1])
+        np.save(own / "disp.npy", sample.disparity)
     return folder

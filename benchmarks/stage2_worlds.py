@@ -123,8 +123,8 @@ def real_samples() -> dict[str, Sample]:
 
 
 def window(sample: Sample, size: tuple[int, int]) -> Sample:
-    """The middle of a pair, (height, width) pixels of it, the same in both views."""
-    top, left = ((whole - part) // 2 for whole, part in zip(sample.size, size, strict=True))
+    """The middle of a pair, at most (height, width) pixels of it, the same in both views."""
+    top, left = (max(0, whole - part) // 2 for whole, part in zip(sample.size, size, strict=True))
     cut = (slice(top, top + size[0]), slice(left, left + size[1]))
     arrays = {name: np.ascontiguousarray(array[cut]) for name, array in sample.arrays().items()}
     return Sample(id=sample.id, **arrays)

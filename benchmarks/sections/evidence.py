@@ -11,10 +11,8 @@ import pandas as pd
 
 from sfkit.analysis.overfit import with_changes
 from sfkit.analysis.tables import markdown_lines
-from sfkit.bank import VALIDATION, benchmarks
+from sfkit.bank import VALIDATION
 from sfkit.evaluation.separation import marked
-
-WORLDS = [name for name in benchmarks() if name != VALIDATION]
 
 
 def section() -> str:
@@ -36,7 +34,7 @@ def section() -> str:
     return "\n\n".join(part for part in parts if part)
 
 
-LISTED = ", ".join(f"`{name}`" for name in WORLDS)
+LISTED = ", ".join(f"`{name}`" for name in evidence_bank.WORLDS)
 HEAD = f"""## Does Stage 2 help on pairs it never saw?
 
 `python benchmarks/evidence.py` runs the comparisons (hours on an idle machine) and goes on where it was.
@@ -125,7 +123,9 @@ def _ends(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _changed(frame: pd.DataFrame) -> pd.DataFrame:
-    return with_changes(frame, WORLDS).assign(new=frame[VALIDATION] - frame[f"{VALIDATION}:equal"])
+    return with_changes(frame, evidence_bank.WORLDS).assign(
+        new=frame[VALIDATION] - frame[f"{VALIDATION}:equal"]
+    )
 
 
 def _columns(part: pd.DataFrame) -> tuple[str, str, str, str]:
