@@ -1,6 +1,4 @@
-"""How long TIES takes beside the speed of memory, and beside mergekit where that is installed.
-
-    python benchmarks/ties.py [--elements 50000000] [--density 0.2] [--threads 1] [--json]
+"""TIES for ``merging.py``: how long it takes beside the speed of memory, and beside mergekit where installed.
 
 The limit is that of a linear merge of the same sources: base and task vectors read once, the result written
 once. One lambda needs a threshold for each source and the election; each further lambda is a merge of the one
@@ -11,13 +9,11 @@ from __future__ import annotations
 
 import importlib.util
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import torch
 from memory import SOURCES, Record, World, bandwidth, best_of
-from stages import Rows, printed
 
 from sfkit.merging.fusion import fuse
 from sfkit.merging.linear import weighted_sum
@@ -99,19 +95,3 @@ def mergekit_work(world: World, density: float) -> Callable[[], object]:
             return merge_state_dicts({"base": base, **models}, "ties", parameters=options, base="base")
 
     return work
-
-
-def rows(elements: int, density: float, threads: Sequence[int]) -> Rows:
-    """What :func:`measure` says for each number of threads."""
-    found = (row for count in threads for row in measure(elements, count, density))
-    return [{**vars(row), "ratio": row.ratio} for row in found]
-
-
-def line(row: dict[str, Any]) -> str:
-    """A row as text."""
-    head = f"{row['name']:28s} {row['elements']:12,d} {row['threads']} threads"
-    return f"{head} {row['milliseconds']:10.1f} ms {row['ratio']:8.2f} x limit"
-
-
-if __name__ == "__main__":
-    printed(__doc__, rows, {"elements": 50_000_000, "density": 0.2, "threads": (1,)}, line)
