@@ -116,7 +116,7 @@ def _sections(scores: BankScores) -> Iterable[str]:
     yield from (f"- {sentence}" for sentence in conclusions(scores))
     yield "\n## Benchmarks, bad-3.0 in percent\n"
     yield "`*` is the validation benchmark, which searches look at; the mean is over the others.\n"
-    yield markdown(_with_mean(scores.benchmarks))
+    yield markdown(with_mean(scores.benchmarks))
     yield "\n## Domains, bad-3.0 in percent on held-out pairs\n"
     yield "A row a network, a column a domain; a source's own domain is in bold.\n"
     yield markdown(scores.domains, bold=True)
@@ -124,17 +124,17 @@ def _sections(scores: BankScores) -> Iterable[str]:
     yield markdown(scores.errors, digits=2, bold=True)
     yield "\n## Trainings\n"
     yield TRAININGS
-    yield _trainings(scores.trainings)
+    yield training_table(scores.trainings)
     yield f"\n{HISTORY}"
 
 
 def _second(benchmarks: pd.DataFrame, parameters: int, trainings: Mapping[str, Any]) -> Iterable[str]:
-    table = _with_mean(benchmarks)
+    table = with_mean(benchmarks)
     minutes = sum(record["cpu_seconds"] for record in trainings.values()) / 60
     yield SECOND.format(parameters=parameters, minutes=minutes)
     yield markdown(table)
     yield ""
-    yield _trainings(trainings)
+    yield training_table(trainings)
     yield ""
 
 
@@ -155,7 +155,8 @@ def _portrait(name: str, about: str) -> str:
     return f"### {name}\n\n{about[0].upper()}{about[1:]}.\n\n![{name}]({PICTURES.as_posix()}/{name}.jpg)\n"
 
 
-def _with_mean(benchmarks: pd.DataFrame) -> pd.DataFrame:
+def with_mean(benchmarks: pd.DataFrame) -> pd.DataFrame:
+    """The validation benchmark's column marked, and the mean of the others as one more."""
     table = benchmarks.rename(columns={bank.VALIDATION: marked(bank.VALIDATION, guided=True)})
     return table.assign(**{"mean of the unseen": benchmarks.drop(columns=bank.VALIDATION).mean(axis=1)})
 
@@ -172,7 +173,8 @@ def markdown(table: pd.DataFrame, *, digits: int = 1, bold: bool = False) -> str
     return _table(rows)
 
 
-def _trainings(trainings: Mapping[str, Any]) -> str:
+def training_table(trainings: Mapping[str, Any]) -> str:
+    """A row a network: what its training took, and what it gained at home."""
     head = "domain,steps,seconds,CPU seconds,constant guess EPE,base EPE,own EPE,gain %,base bad-3,own bad-3"
     rows = [head.split(",")]
     for name, record in trainings.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -24,20 +25,36 @@ def strip(sample: Sample, prediction: NDArray[np.float32]) -> Picture:
     at 0 px and white at 6 px. Pixels without ground truth are black in the truth and blue in the error.
     """
     largest = float(np.nanmax(sample.disparity))
-    truth = _thickened(sample.disparity)
-    known = np.isfinite(truth)
-    error = _thickened(np.abs(prediction - sample.disparity))
-    grey = np.rint(255.0 * np.clip(np.nan_to_num(error) / ERROR_LIMIT, 0.0, 1.0)).astype(np.uint8)
-    error_map = np.repeat(grey[..., None], 3, axis=2)
-    error_map[~known] = (30, 30, 90)
     parts = [
         _small(sample.left, cv2.INTER_AREA),
         _small(sample.right, cv2.INTER_AREA),
-        _small(colours(truth, largest), cv2.INTER_NEAREST),
+        _small(colours(_thickened(sample.disparity), largest), cv2.INTER_NEAREST),
         _small(colours(prediction, largest), cv2.INTER_AREA),
-        _small(error_map, cv2.INTER_NEAREST),
+        _small(error_map(sample, prediction), cv2.INTER_NEAREST),
     ]
     return np.hstack(parts)
+
+
+def beside(sample: Sample, predictions: Sequence[NDArray[np.float32]]) -> Picture:
+    """Left view and ground truth, then each prediction and its error, in :func:`strip`'s colours."""
+    largest = float(np.nanmax(sample.disparity))
+    parts = [
+        _small(sample.left, cv2.INTER_AREA),
+        _small(colours(_thickened(sample.disparity), largest), cv2.INTER_NEAREST),
+    ]
+    for prediction in predictions:
+        parts.append(_small(colours(prediction, largest), cv2.INTER_AREA))
+        parts.append(_small(error_map(sample, prediction), cv2.INTER_NEAREST))
+    return np.hstack(parts)
+
+
+def error_map(sample: Sample, prediction: NDArray[np.float32]) -> Picture:
+    """The error (H, W, 3): black at 0 px, white at 6 px, blue without ground truth."""
+    error = _thickened(np.abs(prediction - sample.disparity))
+    grey = np.rint(255.0 * np.clip(np.nan_to_num(error) / ERROR_LIMIT, 0.0, 1.0)).astype(np.uint8)
+    painted = np.repeat(grey[..., None], 3, axis=2)
+    painted[~np.isfinite(error)] = (30, 30, 90)
+    return painted
 
 
 def colours(disparity: NDArray[np.float32], largest: float) -> Picture:
@@ -48,9 +65,10 @@ def colours(disparity: NDArray[np.float32], largest: float) -> Picture:
 
 
 def write_picture(path: Path, picture: Picture) -> None:
-    """Write an RGB picture as JPEG, making its folder."""
+    """Write an RGB picture as JPEG, or whatever else the file's suffix says, making its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    done, code = cv2.imencode(".jpg", picture[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    options = [cv2.IMWRITE_JPEG_QUALITY, QUALITY] if path.suffix == ".jpg" else []
+    done, code = cv2.imencode(path.suffix, picture[..., ::-1], options)
     if not done:
         raise OSError(f"{path}: OpenCV could not encode a picture of shape {picture.shape}")
     path.write_bytes(code.tobytes())

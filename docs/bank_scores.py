@@ -9,9 +9,9 @@ from typing import Any
 
 import pandas as pd
 
-from sfkit.bank.plan import HELD_OUT_PAIRS
+from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, bank_plan
 from sfkit.bank.rendered import METRIC, benchmark, benchmarks, held_out
-from sfkit.datasets.synthetic.domains import BASE, BENCHMARK_PAIRS, VALIDATION, domains
+from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
 from sfkit.evaluation import EvaluationStore, score_recipes
 from sfkit.merging import Pool, Recipe
 
@@ -42,22 +42,28 @@ class BankScores:
 
 
 def bank_scores(
-    pool: Pool, folder: Path, *, store: EvaluationStore | None = None, pairs: int | None = None
+    pool: Pool,
+    folder: Path,
+    *,
+    store: EvaluationStore | None = None,
+    pairs: int | None = None,
+    of: str = BANK.name,
 ) -> BankScores:
     """Score the bank in ``folder`` (where its ``trainings.json`` lies), open as ``pool``.
 
-    All benchmarks and 24 held-out pairs a domain; with ``pairs``, only the first so many of each.
+    All benchmarks and 24 held-out pairs a domain of the bank ``of``; with ``pairs``, only the first so many
+    of each. Sources that the bank's domains do not name, such as a joint network, are scored as well.
     """
     recipes = network_recipes(pool)
     own = score_recipes(
         pool,
         recipes,
-        [held_out(name, pairs or HELD_OUT_PAIRS) for name in domains()],
+        [held_out(name, pairs or HELD_OUT_PAIRS, of=of) for name in domains()],
         metrics=(METRIC, "epe"),
         store=store,
     )
     return BankScores(
-        benchmarks=benchmark_scores(pool, store=store, pairs=pairs),
+        benchmarks=benchmark_scores(pool, store=store, pairs=pairs, of=of),
         domains=_square(own, METRIC),
         errors=_square(own, "epe"),
         trainings=json.loads((folder / "trainings.json").read_text()),
@@ -65,17 +71,18 @@ def bank_scores(
 
 
 def benchmark_scores(
-    pool: Pool, *, store: EvaluationStore | None = None, pairs: int | None = None
+    pool: Pool, *, store: EvaluationStore | None = None, pairs: int | None = None, of: str = BANK.name
 ) -> pd.DataFrame:
     """bad-3.0 in percent of every network of a bank, a column a benchmark, the validation benchmark first."""
-    chosen = [benchmark(name).first(pairs or BENCHMARK_PAIRS) for name in benchmarks()]
+    chosen = [benchmark(name, of=of).first(pairs or bank_plan(of).pairs) for name in benchmarks()]
     return _square(score_recipes(pool, network_recipes(pool), chosen, store=store), METRIC)
 
 
 def network_recipes(pool: Pool) -> dict[str, Recipe]:
-    """The base (under its domain's name), every source alone, and all merged equally."""
-    alone = {name: pool.equal(name) for name in domains() if name != BASE.name}
-    return {BASE.name: pool.base_recipe(), **alone, UNIFORM: pool.uniform()}
+    """The base (under its domain's name), every source alone, and all that have a domain merged equally."""
+    alone = {name: pool.equal(name) for name in pool.names}
+    merged = pool.equal(*(name for name in pool.names if name in domains()))
+    return {BASE.name: pool.base_recipe(), **alone, UNIFORM: merged}
 
 
 def _square(scores: pd.DataFrame, metric: str) -> pd.DataFrame:
