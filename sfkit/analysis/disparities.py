@@ -111,6 +111,7 @@ class Comparison:
             raise InputError("recipes: found none, expected name -> recipe of at least one network to show")
         for network in networks.values():
             if isinstance(network, Recipe):
+                # Refuses what does not suit the pool before any network runs.
                 pool.canonical(network)
         self.pool, self.networks, self.benchmark, self.compute = pool, dict(networks), benchmark, compute
         self.metrics = benchmark.measurable(metrics) or (Metric.parse(benchmark.metric),)
@@ -128,6 +129,7 @@ class Comparison:
             InputError: an unknown pair, or one that cannot be scored.
         """
         name = pair or self.pairs[0]
+        # Put back behind the others: what was looked at longest ago goes first.
         found = self._kept.pop(name, None) or self._run(name)
         self._kept = {**dict(list(self._kept.items())[-(PAIRS_KEPT - 1) :]), name: found}
         return found

@@ -128,6 +128,7 @@ def disparity_limits(disparity: Map) -> tuple[float, float]:
 
 def error_map(prediction: Map, truth: Map) -> Map:
     """|prediction - truth| (H, W) in pixels: NaN without ground truth, inf without a finite prediction."""
+    # NaN would say that there is no ground truth.
     finite = np.where(np.isfinite(prediction), prediction, np.float32(np.inf))
     return np.asarray(np.abs(finite - truth), dtype=np.float32)
 

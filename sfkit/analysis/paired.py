@@ -168,6 +168,7 @@ def paired_difference(
     images = tuple(len(one.ids) for one in several)
     scores = [[[one.score(run, metric=metric) for run in side] for one in several] for side in sides]
     ours, theirs = (math.fsum(map(_mean, rows)) / len(rows) for rows in scores)
+    # Two infinite scores are equal; their difference would be NaN.
     value = 0.0 if ours == theirs else ours - theirs
     lower = Metric.parse(metric or several[0].metric).lower_is_better
     found = Difference(

@@ -105,6 +105,7 @@ class PairPreview:
             self._full_seconds = min(self._full_seconds, seconds)  # others may have used the machine, too
             errors = self.evaluator.prepared.errors(self._number, prediction)
             score = errors.value(self.evaluator.metric)
+            # The first look sets the colours: an edit then shows as a change of disparity alone.
             self._limits = self._limits or self.comparand.limits(prediction)
             return PairLook(prediction, self.comparand.map(prediction), score, 1, seconds)
 

@@ -103,6 +103,7 @@ def region_scores(
             "such as bad-3.0, on pairs with ground truth"
         )
     evaluations = evaluator.evaluate(list(recipes.values()))
+    # Its network would lie in memory beside the one that is made below.
     evaluator.release()
     by_region = {region: [_images(e, region) for e in evaluations] for region in REGIONS}
     found = {region: each for region, each in by_region.items() if any(each)}

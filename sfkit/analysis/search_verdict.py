@@ -141,6 +141,7 @@ def search_verdict(
     measured = measure_with([*able, *tests], recipes, validation=names, progress=progress)
     guided = measured[: len(able)]
     scores = {name: math.fsum(one.score(name) for one in guided) for name in singles}
+    # Where every source failed one of them is shown nevertheless.
     finite = {name: score for name, score in scores.items() if math.isfinite(score)} or scores
     single = min(finite, key=lambda name: finite[name])
     labels = {

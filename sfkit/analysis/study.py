@@ -84,6 +84,7 @@ class Study:
     def seed(self) -> int:
         """The seed of :attr:`pictured`; of the best run of the two stages where its method has none."""
         seeded = [name for name, one in self.runs.items() if one.name in STAGES]
+        # Each method's runs stand in the order of the seeds, one method after the other.
         of = {name: self.seeds[place % len(self.seeds)] for place, name in enumerate(seeded)}
         best = min(seeded, key=lambda name: self.runs[name].score, default="")
         return of.get(self.pictured, of.get(best, self.seeds[0]))

@@ -167,6 +167,7 @@ class RoutingWorkbench:
         """
         if name not in PINS:
             raise unknown_name("pin", name, PINS)
+        # A pin is compared with later at full size.
         if self.look.reduction > 1:
             self.look = self.preview.look(self.recipe)
         self.pins = {**self.pins, name: Pin(self.recipe, self.look)}

@@ -54,6 +54,7 @@ class Benchmark:
                 f"benchmark {self.name!r}: found resolution {self.resolution}, protocol {self.protocol!r} "
                 f"expected {' or '.join(allowed)}; change the resolution or the protocol"
             )
+        # One spelling, by which keys, tables and comparisons go.
         object.__setattr__(self, "metric", Metric.parse(self.metric).name)
         object.__setattr__(self, "own_metric", Metric.parse(self.own_metric or self.metric).name)
         if not self.pairs:

@@ -141,6 +141,7 @@ def inside(root: Path, relative: PurePath | str) -> Path:
     """
     path = Path(os.path.normpath(root / relative))
     try:
+        # Asks the system whether a file can have this name: it may be too long, or hold a zero byte.
         path.lstat()
     except (OSError, ValueError) as error:
         if not isinstance(error, FileNotFoundError | NotADirectoryError):

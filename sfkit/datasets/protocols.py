@@ -140,6 +140,7 @@ class Rule:
             raise InputError(
                 f"protocol {self.protocol!r}: found no valid pixel in region {region!r} of any image"
             )
+        # Where scores are pooled too: this refuses an image without a valid pixel, which a sum would hide.
         values = [e.value(metric, region) for e in counted]
         if self.pools(metric):
             above, below = zip(*(metric.ratio(e, region) for e in counted), strict=True)

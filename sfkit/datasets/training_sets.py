@@ -223,6 +223,7 @@ def _match(manifest: SourceManifest, relative: str) -> tuple[str, SourceLayout, 
             match = layout.left.fullmatch(relative, start)
             if match:
                 return relative[:start], layout, match.groupdict(default="")
+            # After the last folder find's -1 makes 0, which ends the walk as -1.
             start = relative.find("/", start) + 1 or -1
     return None
 
@@ -230,6 +231,7 @@ def _match(manifest: SourceManifest, relative: str) -> tuple[str, SourceLayout, 
 def _files(root: Path) -> Iterator[str]:
     """All files under ``root``, relative to it, in one order everywhere."""
     for folder, folders, names in os.walk(root):
+        # In place: os.walk goes down in this order.
         folders.sort()
         base = Path(folder).relative_to(root)
         yield from ((base / name).as_posix() for name in sorted(names))

@@ -144,6 +144,7 @@ def _in_one(root: Path, folder: Path) -> list[StereoPair]:
     own = [(a, b, folder.name if place == "." else place) for a, b, _ in CONVENTIONS]
     prefix = "" if place == "." else f"{place}/"
     ended = (stem.removesuffix("_left") for stem in by_stem if stem.endswith("_left"))
+    # The left view's disparity, such as NAME_disp_left, is no image.
     ended = (stem for stem in ended if stem.rpartition("_")[2] not in ("disp", "disparity"))
     own += [(f"{stem}_left", f"{stem}_right", f"{prefix}{stem}") for stem in ended]
     pairs = []
@@ -172,6 +173,7 @@ def _rows(table: Path) -> Sequence[dict[str, str]]:
     if why := trouble(table):
         raise InputError(f"{table}: cannot be read ({why}), expected a CSV file")
     try:
+        # Spreadsheets may begin a file with a byte order mark, which would belong to the first column's name.
         with table.open(encoding="utf-8-sig", newline="") as stream:
             reader = csv.DictReader(stream, strict=True)
             if not {"left", "right"} <= set(reader.fieldnames or ()):

@@ -113,6 +113,7 @@ def identities(pair: Pair) -> set[str]:
     """What tells a pair from others: two that share one of these are one pair."""
     identities = {pair.fingerprint()}
     if isinstance(pair, StereoPair):
+        # Ground truth in another coding has another fingerprint; the image is the same.
         identities.add(file_digest(pair.left))
     return identities
 

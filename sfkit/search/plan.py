@@ -118,6 +118,7 @@ class SearchPlan:
         stage1: SubsetSettings = SubsetSettings(seed=seed)
         stage2: RoutingSettings | None = None
         if method == "bayesian":
+            # As many proposals in all, however many come at a time.
             stage1 = BayesianSubsetSettings(seed=seed, generations=-(-_PROPOSED // batch), batch=batch)
         if second is not None:
             kept = {name: getattr(second, name) for name in _SHARED}

@@ -211,6 +211,7 @@ def _start(
             )
         entry = architecture(name)
         chosen = entry.resolve(options)
+        # Weights are drawn from the seed, and the caller's own draws go on undisturbed.
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(settings.seed)
             origin = dict.fromkeys(("file", "fingerprint", "licence"), "")

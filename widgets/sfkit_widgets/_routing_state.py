@@ -117,6 +117,7 @@ def pin_pictures(bench: RoutingWorkbench) -> State:
 
 def benchmark_state(bench: RoutingWorkbench, scoring: Recipe | None) -> State:
     """The recipe's score on the whole benchmark, or that it is being found out."""
+    # Edits go on while a recipe is scored: only its own score is under way.
     if scoring is not None and scoring == bench.recipe:
         return {"state": "running", "value": None}
     return score_state(bench.known_score(bench.recipe))

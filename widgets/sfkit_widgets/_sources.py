@@ -165,6 +165,7 @@ class SearchView(SfkitWidget):
         """Show what is new since the last call, where there is something."""
         with self.reporting():
             version = self._source.version()
+            # Versions are frozen: another one is another object, however large it is.
             if version is not self._version:
                 self._show()
                 self._version = version

@@ -106,6 +106,7 @@ class DisparityCompare(SfkitWidget):
         compute: Compute = HERE,
         **settings: Any,
     ) -> None:
+        # Before networks are looked at: a misspelt setting should cost nothing.
         self.refuse_unknown(settings)
         self._comparison = Comparison(pool, networks, benchmark, metrics=metrics, compute=compute)
         names = list(networks)
@@ -129,8 +130,10 @@ class DisparityCompare(SfkitWidget):
         Raises:
             InputError: an unknown pair, or one that cannot be scored.
         """
+        # Before anything changes: a pair that cannot be scored leaves the one on show.
         shown = scene(self._comparison.panels(pair))
         with self.changing():
+            # A place in one image means nothing in another.
             if self.scene and pair != self.scene["pair"]:
                 self.camera, self.cursor = {}, []
             self.scene = shown

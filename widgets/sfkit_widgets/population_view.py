@@ -84,6 +84,7 @@ def shown_evolution(found: Evolution, archive: int) -> dict[str, Any]:
     populations = {g: found.populations[g][:INDIVIDUALS_DRAWN] for g in drawn}
     best = found.archive[:archive]
     named = {number for group in populations.values() for number in group} | set(best)
+    # Rows name parents that are not drawn themselves.
     named |= {parent for number in named for parent in found.individuals[number].parents}
     born = _first_seen(populations.items())
     position = {name: n for n, name in enumerate(history.sources)}

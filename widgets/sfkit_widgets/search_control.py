@@ -127,6 +127,7 @@ class SearchControl(SfkitWidget):
         with self.reporting():
             now = self._source.progress()
             self.progress = self._shown(now)
+            # Only what is new: what a command has said since stays.
             if now.error != self._shown_error:
                 self._shown_error = now.error
                 self.error = now.error or ""

@@ -52,6 +52,7 @@ def render(surfaces: Sequence[Surface], height: int, width: int) -> Views:
     left = left_hits(surfaces, height, width)
     right = right_hits(surfaces, x)
     landing = x - left.disparity
+    # At the exact places where left pixels land, not at whole pixels of the right view.
     nearest = right_hits(surfaces, landing).disparity
     visible = (landing >= 0.0) & (landing <= width - 1.0) & (nearest <= left.disparity + SAME_DEPTH)
     return Views(
