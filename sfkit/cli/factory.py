@@ -13,6 +13,7 @@ from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import ComputeOptions
 from sfkit.cli.terminal import Bars
+from sfkit.cli.validation import trust_entry, trust_lines
 
 if TYPE_CHECKING:
     from sfkit.factory import Made
@@ -73,6 +74,8 @@ def run(
     lines += [
         f"{name:24s} " + " ".join(f"{row[c]:16.3f}" for c in columns) for name, row in made.scores.items()
     ]
+    measured = (*factory.validation, *factory.tests)
+    lines.append(f"scores: {', '.join(f'{one.metric} on {one.name}' for one in measured)}")
     lines.append(
         f"trained {', '.join(made.trained) or 'nothing'}; {made.evaluated} new evaluations; "
         f"wrote {made.found.merged}"
@@ -84,6 +87,9 @@ def run(
         lines.append(f"the search took {share:.1f} % of the training of {names[part]}")
     document = {"scores": made.scores, "trained": made.trained, "evaluated": made.evaluated}
     document |= {"costs": [asdict(cost) for cost in made.costs], "overhead": made.overhead()}
+    if made.trust is not None:
+        document |= trust_entry(made.trust)
+        lines += trust_lines(made.trust)
     if report is not None:
         from sfkit.reports import notebook_path  # with all of Jupyter behind it
         from sfkit.reports import report as write_report

@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 import torch
 
+from sfkit.analysis.trust import Trust, trust_of
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import SfkitWarning
@@ -59,6 +60,7 @@ class Made:
         costs: of the sources, the joint network and the search.
         trained: the networks that this call trained.
         evaluated: how many evaluations the store gained.
+        trust: how far a guide without ground truth may be trusted; None where every guide has labels.
     """
 
     items: tuple[Item, ...]
@@ -68,6 +70,7 @@ class Made:
     costs: tuple[Cost, ...]
     trained: tuple[str, ...]
     evaluated: int
+    trust: Trust | None = None
 
     def overhead(self) -> dict[str, float]:
         """The search's seconds in percent of the sources' training, and of the joint network's where it is.
@@ -101,6 +104,8 @@ def run(
             trainings are spread over the cluster too.
         say: hears how it goes.
 
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where a guide without ground truth is not to be trusted.
+
     Raises:
         InputError: files that no factory made would be replaced, and what
             :func:`~sfkit.training.finetune.finetune` and the search refuse.
@@ -123,14 +128,16 @@ def run(
             say(f"{stage}: {generation.counts.candidates} of {most[stage]}, {generation_note(generation)}")
 
         found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True, progress=hear)
-        scores = _scores(factory, pool, found, guides, compute)
+        tests = [Evaluator(pool, test, store=store, compute=compute) for test in factory.tests]
+        scores = _scores(factory, pool, found, guides, tests, compute)
+        trusted = trust_of(pool, guides, found.recipe, tests)
         evaluated = len(store) - before
     write_text(factory.out / SCORES, json.dumps(scores, indent=2) + "\n")
     items = status(factory)
     costs = (*_training_costs(factory, items), _search_cost(factory, found))
     table = pd.DataFrame([asdict(cost) for cost in costs])
     write_text(factory.out / COSTS, table.to_csv(index=False))
-    return Made(items, pool_file, found, scores, costs, trained, evaluated)
+    return Made(items, pool_file, found, scores, costs, trained, evaluated, trusted)
 
 
 def pool_toml(factory: Factory) -> str:
@@ -174,13 +181,16 @@ def _identity(pair: Pair) -> object:
 
 
 def _scores(
-    factory: Factory, pool: Pool, found: SearchResult, guides: Sequence[Evaluator], compute: Compute
+    factory: Factory,
+    pool: Pool,
+    found: SearchResult,
+    guides: Sequence[Evaluator],
+    tests: Sequence[Evaluator],
+    compute: Compute,
 ) -> dict[str, dict[str, float]]:
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), "merged": found.recipe}
     recipes |= {name: pool.equal(name) for name in pool.names}
     scores: dict[str, dict[str, float]] = {name: {} for name in recipes}
-    store = guides[0].store
-    tests = [Evaluator(pool, test, store=store, compute=compute) for test in factory.tests]
     for evaluator in (*guides, *tests):
         benchmark = evaluator.benchmark
         for name, outcome in zip(recipes, evaluator(list(recipes.values())), strict=True):

@@ -16,6 +16,7 @@ import sfkit
 from sfkit.bank.rendered import RenderedPair
 from sfkit.cli.app import app
 from sfkit.datasets.training_set import TrainingSet
+from sfkit.errors import SfkitWarning
 from sfkit.factory import most_evaluations, read_factory, report_values, run, status, train_missing
 from sfkit.factory.run import warn_of_seen_pairs
 from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
@@ -63,6 +64,17 @@ def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
     assert grown.trained == ("thin-things",)
     assert 0 < grown.evaluated <= 4 + 4 + 3  # a population, its offspring and what the test adds
     assert grown.scores["haze"] == made.scores["haze"]
+    assert grown.trust is None
+
+    path = write(tmp_path, "haze", "far-scene", joint=True)
+    path.write_text(path.read_text().replace('"bank:courtyard"', '"bank:courtyard"\nmetric = "census"'))
+    with pytest.warns(SfkitWarning, match="1 pair can be overfitted, as labels can"):
+        blind = run(read_factory(path))
+    assert blind.trained == ()
+    assert blind.trust is not None
+    assert blind.trust.pairs == 1
+    assert 0 < blind.scores["joint"]["courtyard"] < 50, "percent of census bits"
+    assert blind.scores["joint"]["grey-workshop"] == made.scores["joint"]["grey-workshop"]
 
     stale = status(read_factory(write(tmp_path, "haze", "far-scene", rate="training = { rate = 2e-4 }")))
     assert [item.state for item in stale] == [STALE, DONE]
