@@ -285,6 +285,8 @@ def entry_for(name: str, module: Path | None = None, near: Path | None = None) -
         run(module)
         if ":" not in name and name not in _REGISTRY:
             raise InputError(f"{module}: does not register the architecture {name!r}, expected that name")
+        if ":" in name and name not in _REGISTRY:
+            _from_run_files(name)
     if ":" in name and name not in _REGISTRY:
         _from_module(name, near)
     return architecture(name)

@@ -5,6 +5,7 @@
     name = "garage"
     base = "base.safetensors"
     architecture = "anynet"
+    module = "nets/mine.py"             # optional; the Python file that registers it, which is run
     out = "runs/garage"                 # optional; beside the file otherwise
     joint = true                        # optional; one network on all training sets together, for comparison
 
@@ -43,6 +44,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from sfkit.architectures.registry import entry_for
 from sfkit.bank.rendered import RenderedPair
 from sfkit.checkpoints.spec import ROWS, SOURCE_NAME
 from sfkit.datasets.benchmark import open_benchmarks
@@ -62,6 +64,7 @@ KEYS = (
     "name",
     "base",
     "architecture",
+    "module",
     "out",
     "joint",
     "options",
@@ -103,6 +106,7 @@ class Factory:
         name: the pool's name.
         base: the checkpoint all sources start from.
         architecture: its name in the registry.
+        code: the user's file that registered it; None for one that comes with sfkit or a package.
         options: the architecture's.
         orders: the sources, in the file's order.
         joint: the joint network, where one is wanted.
@@ -118,6 +122,7 @@ class Factory:
     name: str
     base: Path
     architecture: str
+    code: Path | None
     options: Mapping[str, Any]
     orders: tuple[Order, ...]
     joint: Order | None
@@ -138,8 +143,8 @@ def read_factory(path: str | Path) -> Factory:
     """Read and check a ``factory.toml``; paths in it are relative to its folder.
 
     Raises:
-        InputError: a key is unknown, missing or makes no sense, a data set or the base is not there, or a
-            test is the validation benchmark.
+        InputError: a key is unknown, missing or makes no sense, a data set or the base is not there, a
+            test is the validation benchmark, or the architecture is not known or its code not trusted.
     """
     path = Path(path)
     values = read_toml(path)
@@ -149,6 +154,9 @@ def read_factory(path: str | Path) -> Factory:
             raise InputError(f"{path}: the key {key} is missing, expected it")
     here = path.parent
     tables = {key: table(values.get(key, {}), f"{path}: {key}") for key in TABLES}
+    name = text(values["architecture"], f"{path}: architecture")
+    module = here.resolve() / home(text(values["module"], f"{path}: module")) if "module" in values else None
+    entry = entry_for(name, module, here.resolve())
     common, search = tables["training"], tables["search"]
     _known(f"key of [search] in {path}", search, SEARCH_KEYS)
     combine = search.get("combine", COMBINATIONS[0])
@@ -174,7 +182,8 @@ def read_factory(path: str | Path) -> Factory:
         file=path,
         name=text(values["name"], f"{path}: name"),
         base=here / home(text(values["base"], f"{path}: base")),
-        architecture=text(values["architecture"], f"{path}: architecture"),
+        architecture=name,
+        code=None if entry.code is None else entry.code.path,
         options=tables["options"],
         orders=orders,
         joint=_joint(orders, common, path) if _truth(values, "joint", str(path)) else None,

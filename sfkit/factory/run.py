@@ -147,6 +147,7 @@ def pool_toml(factory: Factory) -> str:
     lines = [
         f"name = {toml_value(factory.name)}",
         f"architecture = {toml_value(factory.architecture)}",
+        *([] if factory.code is None else [f"module = {toml_value(str(factory.code))}"]),
         'root = "/"',
         f"\n[options]\n{options}" if options else "",
         f"[base]\nfile = {toml_value(str(factory.base.resolve()))}",
