@@ -352,6 +352,16 @@ def top_level_blocks(network: nn.Module) -> Blocks:
     return children or {"all": ["*"]}
 
 
+def fitting_blocks(network: nn.Module, blocks: Blocks) -> Blocks:
+    """The blocks without patterns that match no parameter: a variant of a network may lack a part."""
+    keys = [key for key, _ in network.named_parameters()]
+    fitting = {
+        name: [glob for glob in globs if any(fnmatchcase(key, glob) for key in keys)]
+        for name, globs in blocks.items()
+    }
+    return {name: globs for name, globs in fitting.items() if globs}
+
+
 def _adapted(
     builder: Callable[..., nn.Module],
     calling: Calling,

@@ -16,6 +16,7 @@ from sfkit.architectures import architecture
 from sfkit.architectures.calling import Calling
 from sfkit.architectures.code import tree_digest
 from sfkit.errors import InputError
+from sfkit.merging.blocks import BlockPartition
 
 
 def pool_of(name: str, folder: Path) -> sfkit.Pool:
@@ -35,6 +36,65 @@ def test_each_gives_the_disparity_of_the_network_it_wraps(name: str, tmp_path: P
     expected = plain(*(image / 255 if raw else image for image in (left, right)))
     found = pool.merge(pool.base_recipe()).disparity(left, right)
     torch.testing.assert_close(found, expected[0].detach())
+
+
+# What a network of the repository consists of: adapter, options, file, class, its modules -> blocks.
+PARTS = {
+    "raft-stereo": (
+        {},
+        "core/raft_stereo.py:RAFTStereo",
+        ("cnet", "context_zqr_convs", "fnet", "update_block"),
+        ["context", "features", "update"],
+    ),
+    "raft-stereo realtime": (
+        {"shared_backbone": True},
+        "core/raft_stereo.py:RAFTStereo",
+        ("cnet", "context_zqr_convs", "conv2", "update_block"),
+        ["context", "features", "update"],
+    ),
+    "gmstereo": (
+        {},
+        "unimatch/unimatch.py:UniMatch",
+        ("backbone", "transformer", "feature_flow_attn", "refine", "refine_proj"),
+        ["backbone", "transformer", "propagation", "refinement"],
+    ),
+    "gmstereo one scale": (
+        {"num_scales": 1, "reg_refine": False},
+        "unimatch/unimatch.py:UniMatch",
+        ("backbone", "transformer", "feature_flow_attn", "upsampler"),
+        ["backbone", "transformer", "propagation", "refinement"],
+    ),
+    "aanet": (
+        {},
+        "nets/__init__.py:AANet",
+        ("feature_extractor", "fpn", "aggregation", "refinement"),
+        ["backbone", "aggregation", "refinement"],
+    ),
+    "aanet unrefined": (
+        {"refinement_type": "None"},
+        "nets/__init__.py:AANet",
+        ("feature_extractor", "fpn", "aggregation"),
+        ["backbone", "aggregation"],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_every_part_of_a_repositorys_network_lies_in_a_block(name: str, tmp_path: Path) -> None:
+    options, place, parts, expected = PARTS[name]
+    file, _, kind = place.partition(":")
+    layers = "".join(f"\n        self.{part} = nn.Linear(1, 1)" for part in parts)
+    text = (
+        f"class {kind}(nn.Module):\n    def __init__(self, *_, **__):\n        super().__init__(){layers}\n"
+    )
+    write(tmp_path, {file: f"from torch import nn\n\n{text}"})
+    entry = architecture(name.split()[0])
+    resolved = entry.resolve({"root": str(tmp_path), **options})
+    keys = [key for key, _ in entry.build(**resolved).named_parameters()]
+    partition = BlockPartition.of(entry.blocks(resolved))
+    partition.check(keys)
+    assert list(partition.names) == expected
+    assert all(partition.block_of(key) >= 0 for key in keys)
 
 
 def test_a_changed_checkout_is_another_version_and_its_place_is_none(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from sfkit.architectures.adapters import standalone
 from sfkit.architectures.adapters.checkouts import packages, without_downloads
 from sfkit.architectures.code import tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import Blocks, Options, register_architecture
+from sfkit.architectures.registry import Blocks, Options, fitting_blocks, register_architecture
 from sfkit.errors import InputError, unknown_name
 
 PACKAGE = "stereo_matching"
@@ -126,7 +126,8 @@ def _inputs(options: Options) -> InputConvention:
 
 def _blocks(options: Options) -> Blocks:
     blocks = FAMILIES[_family(options["model"])].blocks
-    return {name: [PREFIX + glob for glob in globs] for name, globs in blocks.items()}
+    prefixed = {name: [PREFIX + glob for glob in globs] for name, globs in blocks.items()}
+    return fitting_blocks(stereo_matching(**options), prefixed)
 
 
 def _named(keys: Iterable[str]) -> Mapping[str, str]:

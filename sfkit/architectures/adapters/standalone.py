@@ -13,7 +13,7 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import Blocks, register_architecture
+from sfkit.architectures.registry import Blocks, fitting_blocks, register_architecture
 from sfkit.errors import InputError
 from sfkit.files import home
 
@@ -31,8 +31,8 @@ IGEV_BLOCKS: Blocks = {
 }
 AANET_BLOCKS: Blocks = {
     "backbone": ["feature_extractor.*", "fpn.*", "feature_pyramid.*"],
-    "aggregation": ["aggregation.*", "cost_construction.*"],
-    "refinement": ["refinement.*", "disparity_estimation.*"],
+    "aggregation": ["aggregation.*"],
+    "refinement": ["refinement.*"],
 }
 GMSTEREO_BLOCKS: Blocks = {
     "backbone": ["backbone.*"],
@@ -48,7 +48,7 @@ def _checkout(options: Mapping[str, Any]) -> str:
 
 @register_architecture(
     "raft-stereo",
-    blocks=RAFT_BLOCKS,
+    blocks=lambda options: fitting_blocks(raft_stereo(**options), RAFT_BLOCKS),
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     output=("last", "negated"),  # (low-resolution flow, full-resolution flow): right minus left
@@ -92,7 +92,7 @@ def raft_stereo(
 
 @register_architecture(
     "igev-stereo",
-    blocks=IGEV_BLOCKS,
+    blocks=lambda options: fitting_blocks(igev_stereo(**options), IGEV_BLOCKS),
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     checkout=_checkout,
@@ -135,7 +135,7 @@ def igev_stereo(
 
 @register_architecture(
     "aanet",
-    blocks=AANET_BLOCKS,
+    blocks=lambda options: fitting_blocks(aanet(**options), AANET_BLOCKS),
     inputs=InputConvention(multiple=48, sides=PadSides.TOP_RIGHT),
     output="last",  # a list of disparities, the finest last
     checkout=_checkout,
@@ -176,7 +176,7 @@ def aanet(
 
 @register_architecture(
     "gmstereo",
-    blocks=GMSTEREO_BLOCKS,
+    blocks=lambda options: fitting_blocks(gmstereo(**options), GMSTEREO_BLOCKS),
     inputs=InputConvention(multiple=32, sides=PadSides.CENTRE),
     keywords=lambda options: {
         "attn_type": options["attn_type"],
