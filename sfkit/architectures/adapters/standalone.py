@@ -13,7 +13,7 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import Blocks, fitting_blocks, register_architecture
+from sfkit.architectures.registry import Blocks, Options, fitting_blocks, register_architecture
 from sfkit.errors import InputError
 from sfkit.files import home
 
@@ -46,9 +46,25 @@ def _checkout(options: Mapping[str, Any]) -> str:
     return tree_digest(options["root"]) if options["root"] else ""
 
 
+def _raft_stereo_blocks(options: Options) -> Blocks:
+    return fitting_blocks(raft_stereo(**options), RAFT_BLOCKS)
+
+
+def _igev_stereo_blocks(options: Options) -> Blocks:
+    return fitting_blocks(igev_stereo(**options), IGEV_BLOCKS)
+
+
+def _aanet_blocks(options: Options) -> Blocks:
+    return fitting_blocks(aanet(**options), AANET_BLOCKS)
+
+
+def _gmstereo_blocks(options: Options) -> Blocks:
+    return fitting_blocks(gmstereo(**options), GMSTEREO_BLOCKS)
+
+
 @register_architecture(
     "raft-stereo",
-    blocks=lambda options: fitting_blocks(raft_stereo(**options), RAFT_BLOCKS),
+    blocks=_raft_stereo_blocks,
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     output=("last", "negated"),  # (low-resolution flow, full-resolution flow): right minus left
@@ -92,7 +108,7 @@ def raft_stereo(
 
 @register_architecture(
     "igev-stereo",
-    blocks=lambda options: fitting_blocks(igev_stereo(**options), IGEV_BLOCKS),
+    blocks=_igev_stereo_blocks,
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     checkout=_checkout,
@@ -135,7 +151,7 @@ def igev_stereo(
 
 @register_architecture(
     "aanet",
-    blocks=lambda options: fitting_blocks(aanet(**options), AANET_BLOCKS),
+    blocks=_aanet_blocks,
     inputs=InputConvention(multiple=48, sides=PadSides.TOP_RIGHT),
     output="last",  # a list of disparities, the finest last
     checkout=_checkout,
@@ -176,7 +192,7 @@ def aanet(
 
 @register_architecture(
     "gmstereo",
-    blocks=lambda options: fitting_blocks(gmstereo(**options), GMSTEREO_BLOCKS),
+    blocks=_gmstereo_blocks,
     inputs=InputConvention(multiple=32, sides=PadSides.CENTRE),
     keywords=lambda options: {
         "attn_type": options["attn_type"],
