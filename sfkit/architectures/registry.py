@@ -30,6 +30,7 @@ from sfkit.architectures.calling import PLAIN, Calling
 from sfkit.architectures.code import Code
 from sfkit.architectures.identity import code_identity
 from sfkit.architectures.inputs import InputConvention
+from sfkit.architectures.module_blocks import top_level_blocks
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import home
 
@@ -342,24 +343,6 @@ def _register_plainly(name: str, found: object) -> None:
 
 def _inner(builder: Callable[..., nn.Module]) -> object:
     return getattr(builder, "__wrapped__", builder)
-
-
-def top_level_blocks(network: nn.Module) -> Blocks:
-    """A block for each module that the network itself names and that has parameters."""
-    children = {
-        n: [f"{n}.*"] for n, child in network.named_children() if any(True for _ in child.parameters())
-    }
-    return children or {"all": ["*"]}
-
-
-def fitting_blocks(network: nn.Module, blocks: Blocks) -> Blocks:
-    """The blocks without patterns that match no parameter: a variant of a network may lack a part."""
-    keys = [key for key, _ in network.named_parameters()]
-    fitting = {
-        name: [glob for glob in globs if any(fnmatchcase(key, glob) for key in keys)]
-        for name, globs in blocks.items()
-    }
-    return {name: globs for name, globs in fitting.items() if globs}
 
 
 def _adapted(

@@ -20,7 +20,8 @@ from sfkit.architectures.adapters import standalone
 from sfkit.architectures.adapters.checkouts import packages, without_downloads
 from sfkit.architectures.code import tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import Blocks, Options, fitting_blocks, register_architecture
+from sfkit.architectures.module_blocks import fitting_blocks
+from sfkit.architectures.registry import Blocks, Options, register_architecture
 from sfkit.errors import InputError, unknown_name
 
 PACKAGE = "stereo_matching"

@@ -16,7 +16,8 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, packages, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import Blocks, Options, register_architecture, top_level_blocks
+from sfkit.architectures.module_blocks import top_level_blocks
+from sfkit.architectures.registry import Blocks, Options, register_architecture
 from sfkit.architectures.yaml_file import read_yaml
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import home

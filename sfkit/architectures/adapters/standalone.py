@@ -13,7 +13,8 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.registry import Blocks, Options, fitting_blocks, register_architecture
+from sfkit.architectures.module_blocks import fitting_blocks
+from sfkit.architectures.registry import Blocks, Options, register_architecture
 from sfkit.errors import InputError
 from sfkit.files import home
 
