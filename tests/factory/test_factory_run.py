@@ -196,12 +196,15 @@ def test_several_guides_a_method_and_what_the_search_costs_at_most(tmp_path: Pat
     path = write(tmp_path, "haze", "far-scene", "thin-things")
     text = path.read_text().replace("[validation]", "[[validation]]", 1)
     text = text.replace("[[tests]]", '[[validation]]\nname = "bank:hazy-road"\npairs = 2\n\n[[tests]]')
-    text = text.replace("evaluations = 0", 'evaluations = 12\nmethod = "bayesian"\ncombine = "worst"')
+    named = 'evaluations = 12\nmethod = "bayesian"\ncombine = "worst"\nresamples = 50'
+    text = text.replace("evaluations = 0", named)
     path.write_text(text)
     factory = read_factory(path)
+    assert factory.plan.resamples == 50
     assert [len(guide) for guide in factory.validation] == [1, 2]
     assert (factory.combine, factory.plan.method) == ("worst", "bayesian")
-    assert most_evaluations(factory) == 4 + 3 + 12  # of three sources: four subsets, and each alone
+    # Of three sources four subsets, and each alone; and the average of what wins resamples.
+    assert most_evaluations(factory) == 4 + 3 + 12 + 1
     with pytest.raises(sfkit.InputError, match="2 validation benchmarks, method bayesian"):
         report_values(factory)
 
