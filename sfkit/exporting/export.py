@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
@@ -18,7 +19,7 @@ from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.targets import FileForm
 from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.datasets.synthetic import domains, synthetic_pair
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, SfkitWarning, unknown_name
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
@@ -43,6 +44,12 @@ class Form(StrEnum):
     PTH = "pth"  # the layout of the base's checkpoint
 
 
+# Of the large networks that come with sfkit, what was measured whole and with one size.
+SEEN: dict[str, tuple[Form, ...]] = {
+    "foundation-stereo": (Form.ONNX, Form.TORCH),
+    "nmrf-res": (),
+    "nmrf-swint": (),
+}
 ENDINGS = {
     Form.ONNX: (".onnx",),
     Form.TORCH: (".pt2",),
@@ -116,6 +123,8 @@ def export_network(
         options: the architecture's options; those in the file are the default.
         overwrite: whether an existing file may be replaced.
 
+    Warns (:class:`~sfkit.errors.SfkitWarning`) before what nobody has seen to its end (:func:`untried`).
+
     Raises:
         InputError: an argument does not fit, or the network cannot be loaded.
         SfkitError: the network does not export to this format.
@@ -128,6 +137,13 @@ def export_network(
         height, width = pair[0].shape[:2]
         raise InputError(f"size: found {size[0]}x{size[1]} and a pair of {height}x{width}, expected the same")
     loaded = load_network(path, name=architecture, options=options)
+    if (what := untried(loaded.name, form, dynamic=dynamic)) is not None:
+        warnings.warn(
+            f"{what} was never run to its end with {loaded.name}: it may take long or fail; the check on the "
+            "pair decides",
+            SfkitWarning,
+            stacklevel=2,
+        )
     pair = pair or rendered_pair(size or SIZE)
     seen = (pair[0].shape[0], pair[0].shape[1])
     sizes = Sizes(None if dynamic else seen, loaded.inputs.multiple)
@@ -143,6 +159,17 @@ def export_network(
     exported = _compared(out, form, sizes, fed.crop(made.run(fed.left, fed.right)), expected)
     write_bytes(out, made.content(_metadata(path, loaded, exported)))
     return exported
+
+
+def untried(name: str, form: Form, *, dynamic: bool) -> str | None:
+    """What of a request nobody has seen to its end with an architecture; None where it is known.
+
+    Exporters take minutes for the large networks that come with sfkit; what was measured is in
+    ``docs/how_to/export.md``.
+    """
+    if form is Form.PTH or name not in SEEN or (form in SEEN[name] and not dynamic):
+        return None
+    return "--dynamic" if form in SEEN[name] else f"export to {form.value}"
 
 
 def form_of(form: Form | str) -> Form:

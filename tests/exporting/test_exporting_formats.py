@@ -21,10 +21,10 @@ from sfkit.architectures.nmrf import inference, propagation
 from sfkit.architectures.portable import portable
 from sfkit.cli import main
 from sfkit.datasets.images import read_image
-from sfkit.errors import InputError, SfkitError
+from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.exporting import Form, export_network
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
-from sfkit.exporting.export import rendered_pair
+from sfkit.exporting.export import rendered_pair, untried
 from sfkit.files import writing
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "architectures"))
@@ -158,6 +158,7 @@ def test_onnx_of_merged_anynets_on_a_real_pair(real_data: Path, tmp_path: Path) 
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*never run to its end")  # of all its layers
 def test_onnx_of_merged_nmrfs_on_a_real_pair(
     real_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -215,6 +216,33 @@ def test_a_network_that_does_not_export_is_named_in_one_sentence(tmp_path: Path)
             architecture="export-complex",
         )
     assert not (tmp_path / "out.pt2").exists()
+
+
+def test_what_was_never_run_to_its_end_is_said_before_it_starts(tmp_path: Path) -> None:
+    network = architecture("nmrf-res").build()
+    fill(network, "A")
+    torch.save(network.state_dict(), tmp_path / "net.pth")
+    with (
+        pytest.warns(
+            SfkitWarning,
+            match="export to torchscript was never run to its end with nmrf-res: it may take long",
+        ),
+        pytest.raises(InputError, match="a trace holds one size"),
+    ):
+        export_network(
+            tmp_path / "net.pth",
+            tmp_path / "net.pt",
+            form="torchscript",
+            dynamic=True,
+            pair=rendered_pair((64, 64)),
+            architecture="nmrf-res",
+        )
+    assert untried("foundation-stereo", Form.ONNX, dynamic=True) == "--dynamic"
+    assert untried("foundation-stereo", Form.TORCHSCRIPT, dynamic=False) == "export to torchscript"
+    assert untried("foundation-stereo", Form.TORCH, dynamic=False) is None
+    assert untried("nmrf-swint", Form.ONNX, dynamic=False) == "export to onnx"
+    assert untried("nmrf-swint", Form.PTH, dynamic=False) is None
+    assert untried("anynet", Form.ONNX, dynamic=True) is None
 
 
 @pytest.mark.parametrize(
