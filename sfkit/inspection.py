@@ -15,6 +15,7 @@ from sfkit.checkpoints.layouts import Layout, common_prefix
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.files import trouble
+from sfkit.merging.known import Relations, architecture_of, relations
 from sfkit.merging.origin import Origin, read_origin
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.steps import describe
@@ -63,7 +64,7 @@ def _network(path: Path) -> Description:
     elements = sum(math.prod(tensor.shape) for tensor in tensors.values())
     identity = fingerprint({key: tensor.digest for key, tensor in tensors.items()})
     origin = read_origin(path)
-    names = _architectures(path, origin)
+    names = _architectures(path, tensors, origin)
     document = {
         "kind": "merged network" if origin else "checkpoint",
         "file": str(path),
@@ -84,10 +85,12 @@ def _network(path: Path) -> Description:
     return Description(document, "\n".join([*lines, *(_origin_lines(origin) if origin else ())]))
 
 
-def _architectures(path: Path, origin: Origin | None) -> list[str]:
+def _architectures(path: Path, tensors: Mapping[str, StoredTensor], origin: Origin | None) -> list[str]:
     """What a merged file says it is, or what another one's keys and shapes fit."""
     if origin is not None:
         return [str(origin.architecture["name"])]
+    if known := architecture_of(tensors):
+        return [known]
     from sfkit.merging.recognition import recognised
 
     with warnings.catch_warnings():
@@ -197,23 +200,18 @@ def _pool(path: Path) -> Description:
 
 def _opened(path: Path) -> tuple[dict[str, Any], list[str]]:
     """Blocks, and how near each source is to the base; or why the pool cannot be opened."""
-    from sfkit.merging.opening import open_pool
-
+    doubts: tuple[str, ...] = ()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SfkitWarning)
-            pool = open_pool(path)
+        found = relations(read_pool_spec(path))
+        if found is None:
+            found, doubts = _relations(path)
     except InputError as error:
         return {"problem": str(error)}, [f"  cannot be opened: {error}"]
-    kinships = {source.name: source.kinship for source in pool.sources}
-    sizes = {
-        block: sum(s.stop - s.start for s in pool.layout.segments if s.block == number)
-        for number, block in enumerate(pool.blocks)
-    }
+    kinships, sizes = found.kinships, found.blocks
     document = {
         "kinships": {name: {"cosine": k.cosine, "distance": k.distance} for name, k in kinships.items()},
         "blocks": sizes,
-        "warnings": list(pool.warnings),
+        "warnings": list(doubts),
     }
     lines = [
         *(
@@ -221,9 +219,23 @@ def _opened(path: Path) -> tuple[dict[str, Any], list[str]]:
             for name, k in kinships.items()
         ),
         f"  blocks: {', '.join(f'{block} ({size:,} changed)' for block, size in sizes.items())}",
-        *(f"  warning: {warning}" for warning in pool.warnings),
+        *(f"  warning: {warning}" for warning in doubts),
     ]
     return document, lines
+
+
+def _relations(path: Path) -> tuple[Relations, tuple[str, ...]]:
+    """Of any pool, which is opened for it, with what is doubtful of it."""
+    from sfkit.merging.opening import open_pool
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SfkitWarning)
+        pool = open_pool(path)
+    sizes = {
+        block: sum(s.stop - s.start for s in pool.layout.segments if s.block == number)
+        for number, block in enumerate(pool.blocks)
+    }
+    return Relations({source.name: source.kinship for source in pool.sources}, sizes), pool.warnings
 
 
 def _recipe(path: Path) -> Description:

@@ -7,6 +7,7 @@ import math
 import mmap
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from safetensors import SafetensorError, safe_open
 
@@ -14,6 +15,9 @@ from sfkit.checkpoints.fingerprints import content_digest
 from sfkit.errors import InputError
 from sfkit.files import trouble
 from sfkit.outside import parse_json
+
+if TYPE_CHECKING:
+    import numpy as np
 
 SAFETENSORS = ".safetensors"
 TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
@@ -31,6 +35,9 @@ _DTYPES = {
     "I8": "torch.int8",
     "U8": "torch.uint8",
     "BOOL": "torch.bool",
+}
+_NUMPY = {
+    name: f"<{name[0].lower()}{int(name[1:]) // 8}" for name in ("F64", "F32", "F16", "I64", "I32", "I16")
 }
 _BYTES = {name: 1 if name == "BOOL" else int(name.strip("BFIU")) // 8 for name in _DTYPES}
 _LARGEST_HEADER = 100_000_000  # bytes, as safetensors has it
@@ -87,14 +94,19 @@ def read_texts(path: Path) -> dict[str, str]:
         raise InputError(f"{path}: cannot be read as safetensors ({error}), expected a whole file") from error
 
 
-def stored_tensors(path: Path) -> dict[str, StoredTensor] | None:
-    """Key -> tensor of a safetensors file that :func:`read_texts` has read; None where a type is unusual."""
+def stored_tensors(path: Path, *, digests: bool = True) -> dict[str, StoredTensor] | None:
+    """Key -> tensor of a safetensors file that :func:`read_texts` has read; None where a type is unusual.
+
+    Without ``digests``, which are empty then, no content is read.
+    """
     with path.open("rb") as file:
         start = 8 + int.from_bytes(file.read(8), "little")
         entries = json.loads(file.read(start - 8))
         entries.pop("__metadata__", None)
         if any(entry["dtype"] not in _DTYPES for entry in entries.values()):
             return None
+        if not digests:
+            return {k: StoredTensor(_DTYPES[e["dtype"]], tuple(e["shape"]), "") for k, e in entries.items()}
         found = {}
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as pages:
             for key, entry in entries.items():
@@ -104,6 +116,27 @@ def stored_tensors(path: Path) -> dict[str, StoredTensor] | None:
                 with memoryview(pages) as view, view[start + begin : start + end] as content:
                     found[key] = StoredTensor(dtype, shape, content_digest(dtype, shape, content))
         return found
+
+
+def stored_arrays(path: Path) -> dict[str, np.ndarray] | None:
+    """Key -> array of a safetensors file that :func:`read_texts` has read; None where numpy lacks a type.
+
+    They are pages of the file and cannot be written to.
+    """
+    import numpy as np
+
+    with path.open("rb") as file:
+        start = 8 + int.from_bytes(file.read(8), "little")
+        entries = json.loads(file.read(start - 8))
+        entries.pop("__metadata__", None)
+    if any(entry["dtype"] not in _NUMPY for entry in entries.values()):
+        return None
+    pages = np.memmap(path, np.uint8, "r")
+    found = {}
+    for key, entry in entries.items():
+        begin, end = entry["data_offsets"]
+        found[key] = pages[start + begin : start + end].view(_NUMPY[entry["dtype"]]).reshape(entry["shape"])
+    return found
 
 
 def _sound_texts(path: Path) -> dict[str, str] | None:

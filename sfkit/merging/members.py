@@ -13,14 +13,13 @@ import torch
 from sfkit.architectures import Architecture
 from sfkit.checkpoints.checks import (
     Kind,
-    Kinship,
-    KinshipSums,
     TensorSpec,
     check_keys,
     check_types,
     check_values,
 )
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
+from sfkit.checkpoints.kinship import Kinship, KinshipSums
 from sfkit.checkpoints.layouts import Layout, Wrapping
 from sfkit.checkpoints.prefixes import network_prefix
 from sfkit.checkpoints.reading import CheckpointFile, read_checkpoint

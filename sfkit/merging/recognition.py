@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import warnings
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import torch
-
-from sfkit.architectures import architecture, architectures
 from sfkit.checkpoints.headers import is_checkpoint_name
-from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.spec import ROWS
 from sfkit.errors import InputError, SfkitWarning, unknown_name
-from sfkit.merging.members import PoolOpener
-from sfkit.merging.tensor_specs import tensor_specs
+from sfkit.merging.known import known_architecture, matrices
 from sfkit.outside import is_text, toml_value
+
+if TYPE_CHECKING:
+    import numpy as np
 
 BASES = ("base", "pretrain", "sceneflow", "scene_flow")
 """Words in the names of files that others were fine-tuned from."""
@@ -46,7 +46,19 @@ class Family:
 
 
 def recognised(path: Path) -> tuple[str, ...]:
-    """The architectures, with their default options, that a checkpoint's keys and shapes fit."""
+    """The architectures, with their default options, that a checkpoint's keys and shapes fit.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    if known := known_architecture(path):
+        return (known,)
+    from sfkit.architectures import architecture, architectures
+    from sfkit.checkpoints.reading import read_checkpoint
+    from sfkit.merging.members import PoolOpener
+    from sfkit.merging.tensor_specs import tensor_specs
+
+    read_checkpoint(path)
     fitting = []
     for name in architectures():
         entry = architecture(name)
@@ -100,15 +112,14 @@ def family(folder: Path, base: str | None = None) -> Family:
                 skipped[path] = f"{path.stem!r}: has a name that is no UTF-8, which no TOML can hold"
                 continue
             try:
-                read_checkpoint(path)
+                kinds[path] = recognised(path)
             except InputError as error:
                 skipped[path] = str(error)
                 continue
-            kinds[path] = recognised(path)
             if not kinds[path]:
                 skipped[path] = f"{path}: fits no architecture sfkit knows"
-    counts = {name: sum(name in found for found in kinds.values()) for name in architectures()}
-    name = max(counts, key=lambda candidate: counts[candidate])
+    counts = Counter(name for found in kinds.values() for name in found)
+    name = min(counts, key=lambda candidate: (-counts[candidate], candidate), default="")
     members = [path for path, found in kinds.items() if name in found]
     if len(members) < 2:
         raise InputError(
@@ -122,19 +133,16 @@ def family(folder: Path, base: str | None = None) -> Family:
 
 
 def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str], said: str | None) -> Family:
-    entry = architecture(name)
-    options = entry.resolve(near=members[0])
-    opener = PoolOpener(entry, options, tensor_specs(entry, options))
-    weights = {path: opener.read(path, is_base=False).tensors for path in members}
-    keys = [
-        key
-        for key, tensor in weights[members[0]].items()
-        if tensor.ndim >= 2 and tensor.is_floating_point() and all(key in held for held in weights.values())
-    ]
-    flat = {p: torch.cat([held[key].reshape(-1).double() for key in keys]) for p, held in weights.items()}
-    norms = {path: float(vector.norm()) for path, vector in flat.items()}
+    import numpy as np
+
+    weights = {path: _matrices(path, name) for path in members}
+    keys = [key for key in weights[members[0]] if all(key in held for held in weights.values())]
+    flat = {p: np.concatenate([held[key].reshape(-1) for key in keys]) for p, held in weights.items()}
+    flat = {path: vector.astype(float) for path, vector in flat.items()}
+    norms = {path: float(np.linalg.norm(vector)) for path, vector in flat.items()}
     apart = {
-        frozenset(pair): float((flat[pair[0]] - flat[pair[1]]).norm()) for pair in combinations(members, 2)
+        frozenset(pair): float(np.linalg.norm(flat[pair[0]] - flat[pair[1]]))
+        for pair in combinations(members, 2)
     }
     farthest = {p: max(apart[frozenset((p, o))] for o in members if o != p) / norms[p] for p in members}
     # Fine-tunes of fine-tunes lie in clusters, which a mean distance would follow: the largest one does not.
@@ -145,6 +153,22 @@ def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str], sai
     base = next((path for path in members if path.name == said), base)
     cosines = {p: float(flat[p] @ flat[base]) / (norms[p] * norms[base]) for p in members}
     return Family(name, base, tuple(p for p in members if p != base), farthest, cosines, skipped)
+
+
+def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
+    """Key as the network has it -> each matrix and kernel of a checkpoint of the architecture ``name``."""
+    plain = matrices(path) if known_architecture(path) else None
+    if plain is not None:
+        return plain
+    from sfkit.architectures import architecture
+    from sfkit.merging.members import PoolOpener
+    from sfkit.merging.tensor_specs import tensor_specs
+
+    entry = architecture(name)
+    options = entry.resolve(near=path)
+    tensors = PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False).tensors
+    kept = {key: t for key, t in tensors.items() if t.ndim >= 2 and t.is_floating_point()}
+    return {key: tensor.double().numpy() for key, tensor in kept.items()}
 
 
 def pool_toml(found: Family, name: str) -> str:

@@ -1,0 +1,234 @@
+"""What comes with sfkit, known by keys, shapes and types alone: looking at checkpoints needs no torch then.
+
+Answered here is only what is in every respect as it should be. All else (other layouts and types, options
+that change tensors, missing parts, values that are not finite, a source unlike its base) is left to
+:mod:`sfkit.merging.recognition` and :func:`~sfkit.merging.opening.open_pool`, which say what it is.
+``known.json`` is written by :func:`as_registered`; a test holds it to the networks.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from sfkit.architectures import code
+from sfkit.checkpoints.fingerprints import COUNTER, text_digest
+from sfkit.checkpoints.headers import SAFETENSORS, StoredTensor, read_texts, stored_arrays, stored_tensors
+from sfkit.checkpoints.kinship import Kinship, KinshipSums
+from sfkit.checkpoints.layouts import Wrapping, common_prefix
+from sfkit.checkpoints.spec import PoolSpec
+from sfkit.merging.blocks import BlockPartition
+
+if TYPE_CHECKING:
+    import numpy as np
+
+TABLE = Path(__file__).with_name("known.json")
+SHIPPED = "sfkit.architectures."
+WEIGHTS = ("torch.float16", "torch.bfloat16", "torch.float32", "torch.float64")
+# Options that change no tensor a network cannot be without, and what they may be.
+_NEUTRAL: dict[str, Callable[[Any], bool]] = {
+    "ranges": lambda v: isinstance(v, list) and len(v) == 3 and all(type(n) is int and n > 0 for n in v),
+    "align_corners": lambda v: isinstance(v, bool),
+    "spn": lambda v: isinstance(v, bool),
+}
+
+
+@dataclass(frozen=True)
+class Known:
+    """An architecture with its default options.
+
+    Attributes:
+        required: digest of the tensors it cannot be without.
+        whole: digest of all its tensors.
+        optional: globs of keys that a checkpoint may lack.
+        constants: keys that merges copy from the base.
+        options: names of its options.
+        blocks: block -> globs; empty where checkpoints may be named or laid out in more than one way.
+    """
+
+    required: str
+    whole: str
+    optional: tuple[str, ...]
+    constants: tuple[str, ...]
+    options: tuple[str, ...]
+    blocks: Mapping[str, tuple[str, ...]]
+
+
+@dataclass(frozen=True)
+class Relations:
+    """How a pool's sources lie to its base.
+
+    Attributes:
+        kinships: source -> how near it is.
+        blocks: block -> number of elements that any source changed.
+    """
+
+    kinships: Mapping[str, Kinship]
+    blocks: Mapping[str, int]
+
+
+@cache
+def table() -> dict[str, Known]:
+    """Architecture -> what is known of it."""
+    entries = json.loads(TABLE.read_text(encoding="utf-8"))
+    lists = ("optional", "constants", "options")
+    return {
+        name: Known(
+            entry["required"],
+            entry["whole"],
+            *(tuple(entry[key]) for key in lists),
+            {block: tuple(globs) for block, globs in entry["blocks"].items()},
+        )
+        for name, entry in entries.items()
+    }
+
+
+def known_architecture(path: Path) -> str | None:
+    """The shipped architecture a safetensors file fits in every key, shape and type.
+
+    None for a file that is not so plain, and where the registry is in use, which may have others.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    if path.suffix.lower() != SAFETENSORS or not nobody_registered():
+        return None
+    read_texts(path)
+    stored = stored_tensors(path, digests=False)
+    if not stored:
+        return None
+    prefix = len(common_prefix(stored))
+    return architecture_of({key[prefix:]: tensor for key, tensor in stored.items()})
+
+
+def architecture_of(tensors: Mapping[str, StoredTensor]) -> str | None:
+    """The same of a file's tensors by their bare keys."""
+    if not nobody_registered():
+        return None
+    found = _digest({key: tensor.shape for key, tensor in tensors.items()})
+    fitting = [
+        name
+        for name, entry in table().items()
+        if found == (entry.whole if any(_any(key, entry.optional) for key in tensors) else entry.required)
+        and all(
+            tensor.dtype in WEIGHTS
+            for key, tensor in tensors.items()
+            if key not in entry.constants and not key.endswith(COUNTER)
+        )
+    ]
+    return fitting[0] if len(fitting) == 1 else None
+
+
+def nobody_registered() -> bool:
+    """Whether there can be no architectures but those that come with sfkit."""
+    return "sfkit.architectures.registry" not in sys.modules and not list(code.imported_files())
+
+
+def matrices(path: Path) -> dict[str, np.ndarray] | None:
+    """Key -> matrix or kernel of a file that :func:`known_architecture` names; None for types numpy lacks."""
+    arrays = stored_arrays(path)
+    if arrays is None:
+        return None
+    prefix = len(common_prefix(arrays))
+    return {key[prefix:]: a for key, a in arrays.items() if a.ndim >= 2 and a.dtype.kind == "f"}
+
+
+def relations(spec: PoolSpec) -> Relations | None:
+    """Kinships and blocks of a pool in which nothing is unusual; None for every other.
+
+    Raises:
+        InputError: a file cannot be read.
+    """
+    entry = table().get(spec.architecture)
+    if entry is None or not entry.blocks or spec.blocks or spec.partition or spec.module:
+        return None
+    if not all(n in entry.options and n in _NEUTRAL and _NEUTRAL[n](v) for n, v in spec.options.items()):
+        return None
+    members = (spec.base, *spec.sources)
+    if any(member.wrapping not in (None, Wrapping()) for member in members):
+        return None
+    sound = {m.name: found for m in members if (found := _sound(m.path, spec.architecture, entry))}
+    contents = {b"".join(array.tobytes() for array in arrays.values()) for arrays in sound.values()}
+    if len(contents) < len(members):  # one is not sound, or two are the same
+        return None
+    base = sound.pop(spec.base.name)
+    kinships = {name: _kinship(base, arrays) for name, arrays in sound.items()}
+    if not all(kinship.is_fine_tune for kinship in kinships.values()):
+        return None
+    partition = BlockPartition.of(entry.blocks)
+    sizes = dict.fromkeys(partition.names, 0)
+    for key, theirs in base.items():
+        block = partition.block_of(key)
+        if block >= 0 and any(arrays[key].tobytes() != theirs.tobytes() for arrays in sound.values()):
+            sizes[partition.names[block]] += theirs.size
+    return Relations(kinships, sizes)
+
+
+def as_registered() -> str:
+    """The table as the registry has it, to be written to ``known.json``."""
+    from sfkit.architectures.registry import architecture, architectures
+    from sfkit.checkpoints.checks import Kind
+    from sfkit.merging.tensor_specs import tensor_specs
+
+    found = {}
+    for name in architectures():
+        entry = architecture(name)
+        module = entry.build.__module__
+        if entry.beside or not module.startswith(SHIPPED) or module.startswith(f"{SHIPPED}adapters."):
+            continue
+        options = entry.resolve()
+        specs = [spec for spec in tensor_specs(entry, options) if not spec.key.endswith(COUNTER)]
+        shapes = {spec.key: spec.shape for spec in specs}
+        constants = [spec.key for spec in specs if spec.kind is Kind.CONSTANT]
+        plain = not (entry.rename or entry.check or entry.frozen or constants)
+        found[name] = {
+            "required": _digest({k: shape for k, shape in shapes.items() if not _any(k, entry.optional)}),
+            "whole": _digest(shapes),
+            "optional": entry.optional,
+            "constants": constants,
+            "options": list(options),
+            "blocks": entry.blocks(options) if plain else {},
+        }
+    return json.dumps(found, indent=1) + "\n"
+
+
+def _sound(path: Path, architecture: str, entry: Known) -> dict[str, np.ndarray] | None:
+    """Key -> what a pool merges of a file, all of it finite and no variance below 0; None for other files."""
+    import numpy as np
+
+    arrays = stored_arrays(path) if known_architecture(path) == architecture else None
+    if arrays is None or any(_any(key, entry.optional) for key in arrays):
+        return None
+    prefix = len(common_prefix(arrays))
+    kept = {key[prefix:]: arrays[key] for key in sorted(arrays) if not key.endswith(COUNTER)}
+    for key, array in kept.items():
+        if not np.isfinite(array).all() or (key.endswith(".running_var") and (array < 0).any()):
+            return None
+    return kept
+
+
+def _kinship(base: Mapping[str, np.ndarray], source: Mapping[str, np.ndarray]) -> Kinship:
+    sums = KinshipSums()
+    for key, theirs in base.items():
+        if source[key].tobytes() != theirs.tobytes() and not _is_statistic(key):
+            sums.add_arrays(theirs, source[key])
+    return sums.kinship()
+
+
+def _is_statistic(key: str) -> bool:
+    return key.rpartition(".")[2] in ("running_mean", "running_var")
+
+
+def _digest(shapes: Mapping[str, tuple[int, ...]]) -> str:
+    kept = sorted(f"{key} {tuple(shape)}" for key, shape in shapes.items() if not key.endswith(COUNTER))
+    return text_digest("\n".join(kept))
+
+
+def _any(key: str, globs: tuple[str, ...]) -> bool:
+    return any(fnmatchcase(key, glob) for glob in globs)
