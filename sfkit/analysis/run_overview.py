@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sfkit.datasets.metric import Metric
-from sfkit.errors import InputError, SfkitWarning
-from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.operators import SMALLEST
-from sfkit.search.run_folder import NAMES, SEARCH
+from sfkit.search.run_names import recorded_metrics
 from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs
 
 
@@ -152,41 +148,6 @@ def _stage(run: StageRun, found: JournalledSearch | None) -> StageOverview:
 def _competing(entry: Mapping[str, Any]) -> float:
     """A candidate's score; infinite for a source alone, which teaches a model and wins nothing."""
     return journalled_score(entry) if len(entry["subset"]) >= SMALLEST else math.inf
-
-
-def recorded_metrics(path: Path) -> str | None:
-    """The metrics that guided the search of a folder, with their units; None where it does not say them.
-
-    Warns (:class:`~sfkit.errors.SfkitWarning`) where what should say so cannot be read: one damaged search
-    keeps nobody from looking at the others.
-    """
-    record = path / SEARCH
-    if not record.is_file():
-        return None
-    try:
-        return ", ".join(map(_with_unit, read_json(record)["metrics"])) or None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        warnings.warn(f"{record}: does not say which search this is ({error})", SfkitWarning, stacklevel=2)
-        return None
-
-
-def recorded_benchmarks(path: Path) -> str | None:
-    """The names of the benchmarks that guided the search of a folder; None where it does not say them."""
-    record = path / SEARCH
-    if not record.is_file():
-        return None
-    try:
-        return ", ".join(map(str, read_json(record)[NAMES])) or None
-    except (InputError, KeyError, TypeError):  # of an earlier version, or damaged, which metrics tell
-        return None
-
-
-def _with_unit(name: str) -> str:
-    """The metric with its unit; by its name alone where it was registered elsewhere."""
-    try:
-        return f"{name} [{Metric.parse(name).unit}]"
-    except InputError:
-        return name
 
 
 def source_importance(sources: Sequence[str], candidates: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -103,7 +103,7 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
 
 
 class _Plain:
-    """Takes a parameter's value as it is where nothing is to be checked; else asks typer, which asks pydantic."""
+    """Takes a value as it is where nothing is to be checked; else asks typer, which asks pydantic."""
 
     def __init__(self, ask: Callable[[], Any]) -> None:
         self._ask = ask
@@ -113,7 +113,7 @@ class _Plain:
         info, annotation = param.type_descriptor.parameter_info, param.type_descriptor.annotation
         kinds = set(get_args(annotation) or (annotation,))
         if not (param.multiple or param.nargs == -1 or info.parser):
-            if value is None or value == param.default and type(value) in kinds:
+            if value is None or (value == param.default and type(value) in kinds):
                 return value
             if kinds - {type(None)} in ({str}, {Path}) and not (info.exists or info.resolve_path):
                 return (kinds - {type(None)}).pop()(value)

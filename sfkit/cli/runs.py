@@ -31,17 +31,16 @@ def list_runs(
     Example:
       sfkit runs list runs
     """
-    from sfkit.analysis.run_overview import recorded_benchmarks, recorded_metrics
     from sfkit.cli import tables
-    from sfkit.search.runs import find_runs, run_table
+    from sfkit.search.run_names import recorded_benchmarks, recorded_metrics
+    from sfkit.search.runs import find_runs, run_rows
 
     runs = find_runs(root)
     metrics = {str(run.folder): recorded_metrics(run.folder) for run in runs}
-    records = run_table(runs).to_dict(orient="records")
     benchmarks = {str(run.folder): recorded_benchmarks(run.folder) for run in runs}
     rows = [
         {**record, "metric": metrics[record["run"]], "benchmark": benchmarks[record["run"]]}
-        for record in records
+        for record in run_rows(runs)
     ]
     heads = ("run", "stage", "state", "benchmark", "metric", "best", "scored", "seconds")
     values = [[row["evaluations" if head == "scored" else head] for head in heads] for row in rows]
@@ -112,14 +111,12 @@ def diff(first: Folder, second: Folder, json: JsonOption = False) -> None:
       sfkit runs diff runs/garage runs/garage-2
     """
     from sfkit.cli import tables
-    from sfkit.search.runs import compare_runs, read_run
+    from sfkit.search.runs import read_run, run_differences
 
-    table = compare_runs(read_run(first), read_run(second))
-    rows = table.reset_index().to_dict(orient="records")
-    heads = [str(head) for head in table.reset_index().columns]
-    values = [[_short(row[head]) for head in heads] for row in rows]
+    heads, rows = run_differences(read_run(first), read_run(second))
+    values = [list(map(_short, row)) for row in rows]
     text = "\n".join(tables.lines(heads, values, digits={}))
-    emit({"differences": rows}, text, as_json=json)
+    emit({"differences": [dict(zip(heads, row, strict=True)) for row in rows]}, text, as_json=json)
 
 
 @app.command("export")

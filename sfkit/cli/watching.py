@@ -44,7 +44,9 @@ class Watch(Bars):
         counts, note = generation.counts, generation_note(generation)
         line = f"{stage}, generation {generation.number}: {note}; {counts.distinct} scored, "
         line += f"{counts.cached} of them cached"
-        self(stage, counts.candidates, self._most[stage], note, line=line)
+        # A model that knew many before counts them too: the bar is full then, and not fuller.
+        most = max(self._most[stage], counts.candidates)
+        self(stage, counts.candidates, most, note, line=line)
 
 
 def listen(bars: Bars, evaluators: Sequence[Evaluator]) -> None:

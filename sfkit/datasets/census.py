@@ -18,16 +18,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import torch
-import torch.nn.functional as F
 from numpy.typing import NDArray
 
 from sfkit.datasets.metric import Count, Map, Mask, Metric, Ratio, register_metric
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError
+
+if TYPE_CHECKING:
+    import torch
 
 __all__ = ["CENSUS", "SCALES", "CensusScale", "CensusTarget", "Residual"]
 
@@ -107,6 +108,8 @@ class CensusTarget:
         scales: Sequence[CensusScale] = SCALES,
         device: torch.device | str = "cpu",
     ) -> None:
+        import torch
+
         self.size = left.shape[:2]
         self.device = torch.device(device)
         least = max(scale.step * max(scale.window) for scale in scales)
@@ -123,6 +126,8 @@ class CensusTarget:
         Raises:
             InputError: the map has another size than the images.
         """
+        import torch
+
         map_ = self._tensor(disparity)
         if not bool(torch.isfinite(map_).all()):
             return Residual(CHANCE, 0.0)
@@ -139,6 +144,9 @@ class CensusTarget:
         """Percent of differing bits (H, W), the mean over the scales; NaN where a match lies outside, at the
         border, and where the map is not finite.
         """
+        import torch
+        import torch.nn.functional as F
+
         map_ = self._tensor(disparity)
         finite = torch.isfinite(map_)
         held = torch.where(finite, map_, torch.zeros_like(map_))
@@ -161,6 +169,8 @@ class CensusTarget:
         return float((self._spread > TEXTURE).float().mean())
 
     def _tensor(self, disparity: Map | torch.Tensor) -> torch.Tensor:
+        import torch
+
         map_ = torch.as_tensor(disparity, dtype=torch.float32).to(self.device)
         if tuple(map_.shape) != self.size:
             raise InputError(
@@ -169,6 +179,8 @@ class CensusTarget:
         return map_
 
     def _level(self, left: NDArray[np.uint8], right: NDArray[np.uint8], scale: CensusScale) -> _Level:
+        import torch.nn.functional as F
+
         first, second = (_smoothed(_grey(image, self.device), scale) for image in (left, right))
         if scale == SCALES[0] or not hasattr(self, "_spread"):
             high = F.max_pool2d(first[None, None], 5, 1)
@@ -178,6 +190,8 @@ class CensusTarget:
 
     def _differing(self, level: _Level, disparity: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """How many bits differ (h, w), and where the match lies inside the right image."""
+        import torch
+
         step, margin = level.scale.step, level.scale.margin
         warped, inside = _warped(level.right, disparity[::step, ::step] / step)
         count = torch.zeros_like(level.bits[0], dtype=torch.uint8)
@@ -190,11 +204,16 @@ TEXTURE = 4.0  # grey levels within 5 x 5 pixels, after smoothing; sensor noise 
 
 
 def _grey(image: NDArray[np.uint8], device: torch.device) -> torch.Tensor:
+    import torch
+
     return torch.from_numpy(image.mean(axis=2, dtype=np.float32)).to(device)
 
 
 def _smoothed(image: torch.Tensor, scale: CensusScale) -> torch.Tensor:
     """Smoothed by a Gaussian, borders repeated, every ``step``-th pixel kept."""
+    import torch
+    import torch.nn.functional as F
+
     if scale.sigma > 0:
         reach = math.ceil(3 * scale.sigma)
         x = torch.arange(-reach, reach + 1, dtype=torch.float32, device=image.device)
@@ -208,6 +227,8 @@ def _smoothed(image: torch.Tensor, scale: CensusScale) -> torch.Tensor:
 
 def _warped(right: torch.Tensor, disparity: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     """The right image at (x - d), linear between pixels, and where that lies inside it."""
+    import torch
+
     last = right.shape[1] - 1
     match = torch.arange(last + 1, dtype=torch.float32, device=right.device) - disparity
     inside = (match >= 0) & (match <= last)

@@ -125,7 +125,9 @@ def run(
         most = factory.plan.candidates(pool)
 
         def hear(stage: str, generation: Generation[Any]) -> None:
-            say(f"{stage}: {generation.counts.candidates} of {most[stage]}, {generation_note(generation)}")
+            done = generation.counts.candidates  # more than a model may propose, where it knew many before
+            of = f" of {most[stage]}" if done <= most[stage] else ""
+            say(f"{stage}: {done}{of}, {generation_note(generation)}")
 
         found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True, progress=hear)
         tests = [Evaluator(pool, test, store=store, compute=compute) for test in factory.tests]

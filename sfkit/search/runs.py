@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from sfkit.errors import InputError, SfkitWarning, nearest
 from sfkit.search.journal import JournalledSearch, read_journal
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 JOURNAL = "journal.jsonl"
 STAGES = {"subset": "Stage 1", "routing": "Stage 2"}
@@ -130,7 +131,15 @@ def _stage(found: JournalledSearch) -> StageRun:
 
 def run_table(runs: Iterable[Run]) -> pd.DataFrame:
     """One row a stage: folder, stage, state, best, subset, evaluations, cached, failed, seconds, written."""
-    rows = [
+    import pandas as pd
+
+    columns = ["run", "stage", "state", "generation", "best", "subset", "evaluations", "cached", "failed"]
+    return pd.DataFrame(run_rows(runs), columns=[*columns, "seconds", "written"])
+
+
+def run_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
+    """The rows of :func:`run_table`: column -> value."""
+    return [
         {
             "run": str(run.folder),
             "stage": stage.stage,
@@ -147,8 +156,6 @@ def run_table(runs: Iterable[Run]) -> pd.DataFrame:
         for run in runs
         for stage in run.stages
     ]
-    columns = ["run", "stage", "state", "generation", "best", "subset", "evaluations", "cached", "failed"]
-    return pd.DataFrame(rows, columns=[*columns, "seconds", "written"])
 
 
 def compare_runs(first: Run, second: Run) -> pd.DataFrame:
@@ -160,16 +167,27 @@ def compare_runs(first: Run, second: Run) -> pd.DataFrame:
     Raises:
         InputError: both are the same folder.
     """
+    import pandas as pd
+
+    heads, rows = run_differences(first, second)
+    return pd.DataFrame(rows, columns=heads).set_index(["stage", "what"])
+
+
+def run_differences(first: Run, second: Run) -> tuple[list[str], list[tuple[Any, ...]]]:
+    """The columns of :func:`compare_runs`, and its rows.
+
+    Raises:
+        InputError: both are the same folder.
+    """
     if first.folder.resolve() == second.folder.resolve():
         raise InputError(f"{first.folder}: named twice, expected the folders of two searches to compare")
     left, right = _facts(first), _facts(second)
-    rows = []
+    rows: list[tuple[Any, ...]] = []
     for key in dict.fromkeys((*left, *right)):
         one, other = left.get(key, "none"), right.get(key, "none")
         if one != other or key[1] in ("state", "best", "subset", "evaluations"):
             rows.append((*key, one, other, one != other))
-    columns = ["stage", "what", str(first.folder), str(second.folder), "differs"]
-    return pd.DataFrame(rows, columns=columns).set_index(["stage", "what"])
+    return ["stage", "what", str(first.folder), str(second.folder), "differs"], rows
 
 
 def _facts(run: Run) -> dict[tuple[str, str], str]:

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from sfkit.analysis.run_overview import RunOverview, recorded_metrics, run_overview, source_importance
+from sfkit.analysis.run_overview import RunOverview, run_overview, source_importance
 from sfkit.errors import SfkitWarning
 from sfkit.figures.run_page import run_page
 from sfkit.search.journal import Journal
+from sfkit.search.run_names import recorded_metrics
 from sfkit.search.runs import read_run
 
 SUBSETS = [

@@ -19,7 +19,19 @@ from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.groups import first_paragraph
 from sfkit.errors import InputError
 
-HEAVY = ("torch", "numpy", "pandas", "scipy", "cv2", "plotly", "cma", "IPython", "nbconvert", "rich")
+HEAVY = (
+    "torch",
+    "pydantic",
+    "numpy",
+    "pandas",
+    "scipy",
+    "cv2",
+    "plotly",
+    "cma",
+    "IPython",
+    "nbconvert",
+    "rich",
+)
 LINES = f"""
 import sys
 from sfkit.cli import main
@@ -51,13 +63,23 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "show nothing.json": 2,
         f"show {tmp_path / 'net.safetensors'}": 0,
         f"show {tmp_path / 'pool.toml'}": 0,
+        f"show {tmp_path / 'pool' / 'a.safetensors'}": 0,
     }
+    with_numpy = {f"show {tmp_path / 'pool'}": 0, f"init {tmp_path / 'pool'} --force": 0}
+    with_cv2 = {f"runs list {tmp_path}": 0, "runs diff here here": 2}
     # One process for all: what one line imports would show in all that follow.
     ran = subprocess.run(
-        [sys.executable, "-c", LINES], input="\n".join(lines), capture_output=True, text=True, check=True
+        [sys.executable, "-c", LINES],
+        input="\n".join({**lines, **with_numpy, **with_cv2}),
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    assert ran.stdout.count("heavy: []") == len(lines), ran.stdout[-800:] + ran.stderr[-800:]
-    assert [int(line) for line in ran.stdout.splitlines() if line.isdecimal()] == list(lines.values())
+    found = [line for line in ran.stdout.splitlines() if line.startswith("heavy: ")]
+    expected = ["heavy: []"] * len(lines) + ["heavy: ['numpy']"] * len(with_numpy)
+    assert found == [*expected, *["heavy: ['cv2', 'numpy']"] * len(with_cv2)], ran.stdout + ran.stderr
+    codes = [int(line) for line in ran.stdout.splitlines() if line.isdecimal()]
+    assert codes == list({**lines, **with_numpy, **with_cv2}.values())
 
 
 @pytest.mark.parametrize("name", ENTRIES)

@@ -16,7 +16,8 @@ import { marks } from "./population_grid.js";
 export function descentPanel(now, number, jump, model = {}) {
   const person = now.people[number ?? -1];
   const proposed = model.number !== undefined;
-  const panel = element("section", { class: "sfkit-population-descent", "aria-label": "Descent" });
+  const kind = proposed ? "sfkit-population-descent sfkit-population-proposed" : "sfkit-population-descent";
+  const panel = element("section", { class: kind, "aria-label": "Descent" });
   panel.append(element("h4", {}, proposed ? "Where does it come from?" : "Who descends from whom?"));
   if (!person || number === null) {
     panel.append(element("p", { class: "sfkit-population-hint" }, "Point at an individual, or move to it."));

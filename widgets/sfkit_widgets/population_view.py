@@ -67,12 +67,15 @@ class PopulationView(SearchView):
 
     def _show(self) -> None:
         found = self._source.evolution()
-        self.evolution = {} if found is None else shown_evolution(found, self._archive)
         self.model = shown_predictions(self._source.predictions())
+        proposed = self.model.get("number", ())  # their dots can be clicked
+        self.evolution = {} if found is None else shown_evolution(found, self._archive, proposed)
 
 
-def shown_evolution(found: Evolution, archive: int) -> dict[str, Any]:
+def shown_evolution(found: Evolution, archive: int, also: Iterable[int] = ()) -> dict[str, Any]:
     """What the script draws, as JSON values; None stands for a score that is not finite.
+
+    ``also`` are individuals to tell of that are in no drawn population.
 
     ``sources``; ``metric``, with its unit; ``generations``, the numbers of those drawn; for each of them
     ``best``, ``median``, ``share``, ``sizes``, ``diversity``, ``populations`` (numbers, best first) and
@@ -84,6 +87,7 @@ def shown_evolution(found: Evolution, archive: int) -> dict[str, Any]:
     populations = {g: found.populations[g][:INDIVIDUALS_DRAWN] for g in drawn}
     best = found.archive[:archive]
     named = {number for group in populations.values() for number in group} | set(best)
+    named |= {number for number in also if number < len(found.individuals)}
     # Rows name parents that are not drawn themselves.
     named |= {parent for number in named for parent in found.individuals[number].parents}
     born = _first_seen(populations.items())

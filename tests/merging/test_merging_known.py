@@ -1,0 +1,110 @@
+"""Shipped architectures known without torch: the table is the registry's, the answers are the pool's own."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from safetensors.torch import load_file, save_file
+from tiny import write_pool
+
+from sfkit import bank, inspection
+from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
+from sfkit.merging import known, recognition
+from sfkit.merging.opening import open_pool
+
+
+@pytest.fixture
+def alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a process that has not imported the registry."""
+    monkeypatch.setattr(known, "nobody_registered", lambda: True)
+
+
+def test_the_table_is_what_the_registry_has() -> None:
+    written = known.TABLE.read_text(encoding="utf-8")
+    assert known.as_registered() == written, "write as_registered() to sfkit/merging/known.json"
+    assert set(json.loads(written)) == {"anynet", "anynet-slim", "anynet-wide", "nmrf-res", "nmrf-swint"}
+
+
+@pytest.mark.usefixtures("alone")
+@pytest.mark.parametrize("name", ["bank", "bank-slim"])
+def test_a_pool_is_described_as_the_opened_one_is(name: str) -> None:
+    path = bank.pool_path(name)
+    found, (opened, doubts) = known.relations(read_pool_spec(path)), inspection._relations(path)
+    assert found is not None
+    assert doubts == ()
+    assert found.blocks == opened.blocks
+    assert found.kinships.keys() == opened.kinships.keys()
+    for source, kinship in opened.kinships.items():
+        assert vars(found.kinships[source]) == pytest.approx(vars(kinship), rel=1e-9), source
+    assert sum(found.blocks.values()) == open_pool(path).layout.size
+
+
+def test_a_folder_is_the_same_family_with_and_without_the_registry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_pool(tmp_path / "pool").parent
+    slow = recognition.family(folder)
+    monkeypatch.setattr(known, "nobody_registered", lambda: True)
+    fast = recognition.family(folder)
+    assert replace(fast, cosines={}, distances={}) == replace(slow, cosines={}, distances={})
+    assert fast.cosines == pytest.approx(slow.cosines, rel=1e-9)
+    assert fast.distances == pytest.approx(slow.distances, rel=1e-9)
+
+
+def _first(state: dict[str, torch.Tensor], ending: str) -> torch.Tensor:
+    return next(tensor for key, tensor in state.items() if key.endswith(ending))
+
+
+UNUSUAL: dict[str, Callable[[dict[str, torch.Tensor]], Any]] = {
+    "not finite": lambda state: _first(state, "weight").fill_(torch.nan),
+    "a variance below 0": lambda state: _first(state, "running_var").fill_(-1),
+    "half precision": lambda state: state.update({k: t.bfloat16() for k, t in state.items()}),
+    "another key": lambda state: state.update(more=torch.zeros(1)),
+    "whole numbers": lambda state: state.update({k: t.int() for k, t in state.items()}),
+    "unlike its base": lambda state: [t.neg_() for t in state.values() if t.is_floating_point()],
+}
+
+
+@pytest.mark.usefixtures("alone")
+@pytest.mark.parametrize("kind", UNUSUAL)
+def test_what_is_unusual_is_left_to_the_opener(kind: str, tmp_path: Path) -> None:
+    spec = read_pool_spec(write_pool(tmp_path))
+    assert known.relations(spec) is not None
+    state = load_file(spec.sources[0].path)
+    UNUSUAL[kind](state)
+    save_file(state, spec.sources[0].path)
+    assert known.relations(spec) is None
+
+
+@pytest.mark.usefixtures("alone")
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"options": {"ranges": "wide"}},
+        {"options": {"widths": 3}},
+        {"partition": "modules"},
+        {"blocks": {"all": ("*",)}},
+        {"architecture": "anynet-slim"},
+        {"architecture": "mine"},
+    ],
+    ids=str,
+)
+def test_so_is_a_pool_that_is_described_otherwise(change: dict[str, Any], tmp_path: Path) -> None:
+    spec: PoolSpec = read_pool_spec(write_pool(tmp_path))
+    assert known.relations(replace(spec, **change)) is None
+    twins = (*spec.sources, replace(spec.sources[0], name="twin"))
+    assert known.relations(replace(spec, sources=twins)) is None
+
+
+def test_where_the_registry_is_in_use_it_is_asked(tmp_path: Path) -> None:
+    spec = read_pool_spec(write_pool(tmp_path))
+    assert known.known_architecture(spec.base.path) is None
+    assert recognition.recognised(spec.base.path) == ("anynet",)
+    assert np.isfinite(inspection._relations(tmp_path / "pool.toml")[0].kinships["a"].cosine)
