@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sfkit.datasets.metric import with_unit
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.operators import SMALLEST
 from sfkit.search.run_names import recorded_metrics
@@ -122,7 +123,7 @@ def overviews(root: Path) -> tuple[tuple[RunOverview, ...], dict[str, str]]:
     """
     runs = find_runs(root)
     return tuple(map(run_overview, runs)), {
-        str(run.folder): recorded_metrics(run.folder) or "" for run in runs
+        str(run.folder): recorded_metrics(run.folder, with_unit) or "" for run in runs
     }
 
 

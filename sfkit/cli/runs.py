@@ -32,11 +32,12 @@ def list_runs(
       sfkit runs list runs
     """
     from sfkit.cli import tables
+    from sfkit.datasets.metric import with_unit
     from sfkit.search.run_names import recorded_benchmarks, recorded_metrics
     from sfkit.search.runs import find_runs, run_rows
 
     runs = find_runs(root)
-    metrics = {str(run.folder): recorded_metrics(run.folder) for run in runs}
+    metrics = {str(run.folder): recorded_metrics(run.folder, with_unit) for run in runs}
     benchmarks = {str(run.folder): recorded_benchmarks(run.folder) for run in runs}
     rows = [
         {**record, "metric": metrics[record["run"]], "benchmark": benchmarks[record["run"]]}

@@ -206,6 +206,14 @@ def metrics_of(*metrics: Metric | str) -> Sequence[Metric]:
     return tuple(dict.fromkeys(Metric.parse(metric) for metric in metrics))
 
 
+def with_unit(name: str) -> str:
+    """A metric's name with its unit; the name alone where it was registered elsewhere."""
+    try:
+        return f"{name} [{Metric.parse(name).unit}]"
+    except InputError:
+        return name
+
+
 # The metric without ground truth registers itself: whoever can name metrics has it. It imports this module in
 # its turn, so that this stands below all it needs.
 importlib.import_module("sfkit.datasets.census")

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
-from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.outside import read_json
 from sfkit.search.run_folder import NAMES, SEARCH
 
 
-def recorded_metrics(path: Path) -> str | None:
-    """The metrics that guided the search of a folder, with their units; None where it does not say them.
+def recorded_metrics(path: Path, label: Callable[[str], str]) -> str | None:
+    """The metrics that guided the search of a folder, as ``label`` has each; None where it does not say them.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where what should say so cannot be read: one damaged search
     keeps nobody from looking at the others.
@@ -21,7 +21,7 @@ def recorded_metrics(path: Path) -> str | None:
     if not record.is_file():
         return None
     try:
-        return ", ".join(map(_with_unit, read_json(record)["metrics"])) or None
+        return ", ".join(map(label, read_json(record)["metrics"])) or None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         warnings.warn(f"{record}: does not say which search this is ({error})", SfkitWarning, stacklevel=2)
         return None
@@ -36,11 +36,3 @@ def recorded_benchmarks(path: Path) -> str | None:
         return ", ".join(map(str, read_json(record)[NAMES])) or None
     except (InputError, KeyError, TypeError):  # of an earlier version, or damaged, which metrics tell
         return None
-
-
-def _with_unit(name: str) -> str:
-    """The metric with its unit; by its name alone where it was registered elsewhere."""
-    try:
-        return f"{name} [{Metric.parse(name).unit}]"
-    except InputError:
-        return name

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from sfkit.analysis.run_overview import RunOverview, run_overview, source_importance
+from sfkit.datasets.metric import with_unit
 from sfkit.errors import SfkitWarning
 from sfkit.figures.run_page import run_page
 from sfkit.search.journal import Journal
@@ -96,11 +97,11 @@ def test_the_page_draws_all_and_escapes_names(folder: Path) -> None:
 
 
 def test_the_metric_is_what_the_folder_says(tmp_path: Path) -> None:
-    assert recorded_metrics(tmp_path) is None
+    assert recorded_metrics(tmp_path, with_unit) is None
     (tmp_path / "search.json").write_text(json.dumps({"metrics": ["bad-1.0", "epe"]}))
-    assert recorded_metrics(tmp_path) == "bad-1.0 [%], epe [px]"
+    assert recorded_metrics(tmp_path, with_unit) == "bad-1.0 [%], epe [px]"
     (tmp_path / "search.json").write_text("[]")
     with pytest.warns(SfkitWarning, match=r"search\.json: does not say which search this is"):
-        assert recorded_metrics(tmp_path) is None
+        assert recorded_metrics(tmp_path, with_unit) is None
     (tmp_path / "search.json").write_text(json.dumps({"metrics": ["registered-elsewhere"]}))
-    assert recorded_metrics(tmp_path) == "registered-elsewhere"
+    assert recorded_metrics(tmp_path, with_unit) == "registered-elsewhere"
