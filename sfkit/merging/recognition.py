@@ -160,6 +160,8 @@ def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
     plain = matrices(path) if known_architecture(path) else None
     if plain is not None:
         return plain
+    import torch
+
     from sfkit.architectures import architecture
     from sfkit.merging.members import PoolOpener
     from sfkit.merging.tensor_specs import tensor_specs
@@ -168,7 +170,8 @@ def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
     options = entry.resolve(near=path)
     tensors = PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False).tensors
     kept = {key: t for key, t in tensors.items() if t.ndim >= 2 and t.is_floating_point()}
-    return {key: tensor.double().numpy() for key, tensor in kept.items()}
+    # numpy has no bfloat16.
+    return {key: (t.float() if t.dtype == torch.bfloat16 else t).numpy() for key, t in kept.items()}
 
 
 def pool_toml(found: Family, name: str) -> str:
