@@ -77,13 +77,14 @@ class Relations:
 def table() -> dict[str, Known]:
     """Architecture -> what is known of it."""
     entries = json.loads(TABLE.read_text(encoding="utf-8"))
-    lists = ("optional", "constants", "options")
     return {
         name: Known(
-            entry["required"],
-            entry["whole"],
-            *(tuple(entry[key]) for key in lists),
-            {block: tuple(globs) for block, globs in entry["blocks"].items()},
+            required=entry["required"],
+            whole=entry["whole"],
+            optional=tuple(entry["optional"]),
+            constants=tuple(entry["constants"]),
+            options=tuple(entry["options"]),
+            blocks={block: tuple(globs) for block, globs in entry["blocks"].items()},
         )
         for name, entry in entries.items()
     }
