@@ -48,7 +48,7 @@ class Form(StrEnum):
 SEEN: dict[str, tuple[Form, ...]] = {
     "foundation-stereo": (Form.ONNX, Form.TORCH),
     "nmrf-res": (),
-    "nmrf-swint": (),
+    "nmrf-swint": (Form.ONNX,),
 }
 ENDINGS = {
     Form.ONNX: (".onnx",),

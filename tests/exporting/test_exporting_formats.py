@@ -240,7 +240,8 @@ def test_what_was_never_run_to_its_end_is_said_before_it_starts(tmp_path: Path) 
     assert untried("foundation-stereo", Form.ONNX, dynamic=True) == "--dynamic"
     assert untried("foundation-stereo", Form.TORCHSCRIPT, dynamic=False) == "export to torchscript"
     assert untried("foundation-stereo", Form.TORCH, dynamic=False) is None
-    assert untried("nmrf-swint", Form.ONNX, dynamic=False) == "export to onnx"
+    assert untried("nmrf-swint", Form.ONNX, dynamic=False) is None
+    assert untried("nmrf-swint", Form.TORCH, dynamic=False) == "export to torch"
     assert untried("nmrf-swint", Form.PTH, dynamic=False) is None
     assert untried("anynet", Form.ONNX, dynamic=True) is None
 
