@@ -1,0 +1,130 @@
+"""Noise over images: what a model gains from knowing it, and what racing saves.
+
+    python benchmarks/noise.py --minutes 10           # go on with what is missing, at most so long
+    python benchmarks/noise.py racing                 # a part of it
+    python benchmarks/results.py noise                # write what is there into docs/results.md
+
+Noise: Stage 1's evaluations in the comparisons of Stage 2 (``stage2.py``, whose store has them) teach two
+models on all windows but one and foretell the scores on that one. Both have the same length scales; one takes
+the noise to be equal everywhere, the other as large as the spread over images of the difference to the best,
+for each merge. Racing: on the scores of all subsets a search scores 8 pairs of 20, and finishes the 12 others
+of its most promising subsets alone.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from bayesian import search_of
+from kept import RUNS, Job, KeptRuns
+from landscapes import Landscape
+from optimum import landscape
+from stage2_worlds import BANK, store_in, world
+
+from sfkit.evaluation import Evaluator
+from sfkit.search.gaussian_process import NOISES, Array, GaussianProcess, distances, fit, matern
+from sfkit.search.surrogate import recipe_features
+
+WORLDS, SEEDS = 10, 10
+PASSES = (24, 32, 40)
+"""Passes over all 20 pairs that a search may cost."""
+FINISHED = (0, 4, 8, 16)
+QUICK = 8 / 20
+"""What the first 8 pairs cost of an evaluation on all."""
+
+
+def jobs() -> dict[str, Job]:
+    """Name -> job."""
+    found: dict[str, Job] = {f"racing-{seed:02d}": partial(racing, seed) for seed in range(SEEDS)}
+    return found | {f"images-{seed:02d}": partial(images, seed) for seed in range(WORLDS)}
+
+
+def racing(seed: int, _: Path) -> pd.DataFrame:
+    """A row a cost and number of subsets that are finished: the regret on 20 pairs of what is returned.
+
+    With ``finished`` 0 every subset is scored on all 20 pairs.
+    """
+    whole, quick = landscape(20), landscape(8)
+    orders = {land: evaluated(land, seed) for land in (whole, quick)}
+    rows = []
+    for passes in PASSES:
+        for finished in FINISHED:
+            if finished:
+                met = orders[quick][: int((passes - (1 - QUICK) * finished) / QUICK)]
+                met = sorted(met, key=lambda mask: quick.scores[mask])[:finished]
+            else:
+                met = orders[whole][:passes]
+            several = [mask for mask in met if mask.bit_count() >= 2]
+            regret = min(whole.scores[mask] for mask in several) - whole.best
+            rows.append((seed, passes, finished, regret))
+    return pd.DataFrame(rows, columns=["seed", "passes", "finished", "regret"])
+
+
+def evaluated(land: Landscape, seed: int) -> list[int]:
+    """The masks that the model evaluates, in order; sources alone cost and win nothing."""
+    search = search_of(land, seed)
+    while not search.done and len(search.candidates) < max(PASSES) / QUICK:
+        search.step()
+    return [sum(1 << search.sources.index(source) for source in c.subset) for c in search.candidates]
+
+
+def images(seed: int, folder: Path) -> pd.DataFrame:
+    """A row a window left out: how far both models' means are from its scores.
+
+    ``correlation`` is over the merges, ``regret`` of the merge with the smallest mean, in points.
+    """
+    with store_in(RUNS / "stage2") as store:
+        place = world(BANK, seed, store)
+        alone = [c for c in place.stage1.candidates if not c.repeated]
+        table = np.array([scores(place.scorer.evaluator, c.outcome.key) for c in alone])  # (merges, windows)
+    points = recipe_features((c.recipe for c in alone), place.pool.names, place.pool.blocks)[:1]
+    rows = []
+    for out in range(table.shape[1]):
+        seen, unseen = np.delete(table, out, axis=1), table[:, out]
+        values = seen.mean(axis=1)
+        apart = seen - seen[np.argmin(values)]
+        spread = apart.var(axis=1, ddof=1) / seen.shape[1]
+        process = fit(points, values)
+        for name, shares in (("equal", np.ones(len(values))), ("by merge", spread / spread.mean())):
+            mean = posterior_mean(process, points, values, np.maximum(shares, 0.05))
+            rows.append((seed, out, name, *told(mean, unseen)))
+        rows.append((seed, out, "none, the scores themselves", *told(values, unseen)))
+    return pd.DataFrame(rows, columns=["seed", "window", "noise", "correlation", "regret"])
+
+
+def scores(evaluator: Evaluator, key: str) -> list[float]:
+    """The score on each image alone."""
+    held = evaluator.store.get(key)
+    assert held is not None
+    return [evaluator.score([image]) for image in held.images]
+
+
+def told(mean: Array, unseen: Array) -> tuple[float, float]:
+    """Rank correlation with the unseen scores, and the regret of the smallest mean."""
+    ranks = np.corrcoef(mean.argsort().argsort(), unseen.argsort().argsort())[0, 1]
+    return float(ranks), float(unseen[np.argmin(mean)] - unseen.min())
+
+
+def posterior_mean(
+    process: GaussianProcess, points: tuple[Array, ...], values: Array, shares: Array
+) -> Array:
+    """At the points themselves, noise in proportion to ``shares``, its size of the highest evidence."""
+    kernel = matern(distances(points, points), process.lengths)
+    found = []
+    for noise in (*NOISES, 0.3, 1.0):
+        factor = np.linalg.cholesky(kernel + np.diag(noise * shares + 1e-8))
+        ones, along = np.linalg.solve(factor, np.stack([np.ones(len(values)), values], axis=1)).T
+        mean = ones @ along / (ones @ ones)
+        rest = along - mean * ones
+        evidence = -0.5 * len(values) * np.log(rest @ rest) - np.log(np.diag(factor)).sum()
+        found.append((evidence, mean + kernel @ np.linalg.solve(factor.T, rest)))
+    return np.asarray(max(found, key=lambda one: one[0])[1])
+
+
+kept = KeptRuns(__doc__, jobs, RUNS / "noise")
+
+if __name__ == "__main__":
+    kept.main()
