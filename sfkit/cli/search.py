@@ -227,7 +227,7 @@ def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float
 
     unit = "" if metric is None else metric.unit
     lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]
-    if found.averaged is not None:
+    if found.averaged is not None and found.recipe == found.averaged.recipe:
         wins, draws = found.averaged.wins, found.averaged.resamples
         lines = [
             f"averaged winner, {metric or LABEL}: {found.averaged.score:.4f} {unit}  "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -157,9 +158,10 @@ def _search(
         averaged = averaged_winner(searches, scorer, plan.resamples, seed=plan.seed, journal=journal)
         write_text(folder / WINNERS, averaged.table.to_csv(index=False))
         write_text(folder / BEST, pool.bound(best.recipe).to_json())
-        if averaged.outcome.failed:
+        if not math.isfinite(averaged.score):
+            why = averaged.outcome.error or f"found {averaged.score}"
             warnings.warn(
-                f"averaged winner: has no score ({averaged.outcome.error}), the best on validation is taken",
+                f"averaged winner: has no finite score ({why}), the best on validation is taken",
                 SfkitWarning,
                 stacklevel=3,
             )
@@ -190,12 +192,17 @@ def summary(pool: Pool, found: SearchResult) -> dict[str, Any]:
         "score": found.score,
         "stage1": found.stage1.score if found.stage1 else None,
         "stage2": found.stage2.score if found.stage2 else None,
-        **({"averaged": found.averaged.score} if found.averaged else {}),
+        **({"averaged": _finite(found.averaged.score)} if found.averaged else {}),
         "subset": list(found.recipe.sources),
         "recipe": pool.signed(found.recipe).as_dict(),
         "origin": {key: origin[key] for key in ("architecture", "base", "sources")},
         "merged": found.merged.name,
     }
+
+
+def _finite(score: float) -> float | None:
+    """JSON has neither NaN nor infinity."""
+    return score if math.isfinite(score) else None
 
 
 def cost(

@@ -54,7 +54,7 @@ class SearchPlan:
     resamples: int = 0
 
     def __post_init__(self) -> None:
-        require_whole("resamples", self.resamples, 0)
+        object.__setattr__(self, "resamples", require_whole("resamples", self.resamples, 0))
         if self.subset is not None and self.stage2 is None:
             raise InputError("found a subset and no Stage 2, expected something to search")
         if self.subset is None and self.start is not None:

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import flat_world
 import numpy as np
@@ -18,13 +19,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sfkit.datasets.benchmark import memory_benchmark
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.saving import read_recipe
-from sfkit.search import Constraints, RoutingSettings, SubsetSettings
-from sfkit.search.averaging import AVERAGED, average, averaged_winner, resampled, winners
+from sfkit.search import Constraints, RoutingSettings, SubsetSettings, pipeline
+from sfkit.search.averaging import AVERAGED, Averaged, average, averaged_winner, resampled, winners
 from sfkit.search.journal import JournalledSearch, read_journal
 from sfkit.search.pipeline import SearchResult, search_pool
 from sfkit.search.plan import SearchPlan
@@ -225,6 +226,7 @@ def test_without_it_a_plan_says_what_it_ever_said(pool: Pool) -> None:
     assert "resamples" not in plain.describe()
     assert {**plain.describe(), "resamples": 60} == PLAN.describe()
     assert PLAN.by("bayesian").resamples == 60
+    assert json.dumps(replace(PLAN, resamples=np.int64(60)).describe()) == json.dumps(PLAN.describe())
     assert PLAN.evaluations(pool.names, pool.blocks) == plain.evaluations(pool.names, pool.blocks) + 1
 
 
@@ -309,3 +311,18 @@ def test_an_average_that_fails_is_told_and_not_taken(pool: Pool, tmp_path: Path)
     found = averaged_winner([search], scorer, 50, seed=1)
     assert found.outcome.failed
     assert found.as_record()["error"] == "NaN"
+
+
+def test_an_average_without_a_finite_score_gives_way_to_the_best(
+    pool: Pool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def infinite(*given: Any, **more: Any) -> Averaged:
+        return replace(averaged_winner(*given, **more), outcome=Outcome(math.inf))
+
+    monkeypatch.setattr(pipeline, "averaged_winner", infinite)
+    with pytest.warns(SfkitWarning, match=r"no finite score \(found inf\), the best on validation is taken"):
+        found, _ = run(tmp_path, pool)
+    assert (found.recipe, AVERAGED in found.stages) == (found.best, False)
+    assert math.isfinite(found.score)
+    text = (found.folder / "result.json").read_text()
+    assert json.loads(text, parse_constant=pytest.fail)["averaged"] is None
