@@ -118,8 +118,10 @@ class Trust:
                 f"{100 * self.collapsed:.0f} % of the best network's maps are nearly constant or zero: "
                 "it may win where images have no texture"
             )
-        if self.kept_back is not None and self.kept_back.further >= 0:
-            found.append(f"{self.kept_back.sentence} (expected below 0)")
+        back = self.kept_back
+        # The equal mixture itself, where a search found that, changes nothing against itself.
+        if back is not None and back.further >= 0 and (back.guiding, back.further) != (0.0, 0.0):
+            found.append(f"{back.sentence} (expected below 0)")
         return tuple(found)
 
     @property

@@ -145,6 +145,8 @@ def test_pairs_kept_back_are_in_the_sentence() -> None:
     assert said.format("-0.40") in better.sentence
     assert worse.doubts == (f"{said.format('+0.70')} (expected below 0)",)
     assert "pairs kept back from the search would tell more" in SOUND.sentence
+    assert replace(SOUND, kept_back=KeptBack(0.0, 0.0, 16)).trusted, "the equal mixture was found"
+    assert not replace(SOUND, kept_back=KeptBack(-1.57, 0.0, 16)).trusted
 
 
 def test_on_the_recorded_worlds_pairs_kept_back_say_where_it_fails() -> None:
