@@ -77,7 +77,9 @@ SOURCE_KEYS = ("data", "root", "pairs", "training", "licence", "all", "coding")
 SEARCH_KEYS = ("method", "population", "generations", "evaluations", "combine", "seed", "resamples")
 TABLES = ("options", "training", "sources", "search")
 COMBINATIONS = ("mean", "worst")
-JOINT = "joint"
+JOINT, MERGED, SEARCHED = "joint", "merged", "search"
+TAKEN = (*ROWS, JOINT, MERGED, SEARCHED)
+"""What the tables of scores and costs call what is no source."""
 
 
 @dataclass(frozen=True)
@@ -201,9 +203,9 @@ def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, An
     _known(f"key of {where}", entry, SOURCE_KEYS)
     if not SOURCE_NAME.fullmatch(name):
         raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
-    if name in (JOINT, *ROWS):
+    if name in TAKEN:
         raise InputError(
-            f"{path}: found a source called {name!r}, which names another network in tables; rename it"
+            f"{path}: found a source called {name!r}, which names something else in tables; rename it"
         )
     data = _data(path, where, entry)
     if "pairs" in entry:

@@ -19,7 +19,7 @@ from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import SfkitWarning
 from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Scorer
-from sfkit.factory.file import JOINT, Factory
+from sfkit.factory.file import JOINT, MERGED, SEARCHED, Factory
 from sfkit.factory.places import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
 from sfkit.factory.status import Item, file_of, status
 from sfkit.factory.training import Say, train_missing
@@ -79,7 +79,7 @@ class Made:
         trainings and its search ran on different machines.
         """
         seconds = {cost.part: cost.seconds for cost in self.costs}
-        search, joint = seconds.pop("search"), seconds.pop(JOINT, None)
+        search, joint = seconds.pop(SEARCHED), seconds.pop(JOINT, None)
         total = math.fsum(seconds.values())
         found = {"sources": 100.0 * search / total} if total else {}  # records of trainings may be gone
         return {**found, JOINT: 100.0 * search / joint} if joint else found
@@ -191,7 +191,7 @@ def _scores(
     tests: Sequence[Evaluator],
     compute: Compute,
 ) -> dict[str, dict[str, float]]:
-    recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), "merged": found.recipe}
+    recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), MERGED: found.recipe}
     recipes |= {name: pool.equal(name) for name in pool.names}
     scores: dict[str, dict[str, float]] = {name: {} for name in recipes}
     for evaluator in (*guides, *tests):
@@ -227,4 +227,4 @@ def _search_cost(factory: Factory, found: SearchResult) -> Cost:
     seconds: dict[str, float] = dict(zip(rows["key"], rows["seconds"], strict=True))
     if found.averaged is not None:
         seconds.setdefault(found.averaged.outcome.key, found.averaged.outcome.seconds)
-    return Cost("search", len(seconds) * images, math.fsum(seconds.values()))
+    return Cost(SEARCHED, len(seconds) * images, math.fsum(seconds.values()))

@@ -55,7 +55,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (world / f"{name}.json").write_text(value)
     sound = {"joint": "", "source": "haze", "pairs": "2"}
     for name, edit in (
-        ("uniform", {"source": "uniform"}),
+        *((name, {"source": name}) for name in ("uniform", "merged", "search")),
         ("joint", {"joint": 'joint = "no"'}),
         ("pairs", {"pairs": '"2"'}),
     ):
@@ -181,7 +181,10 @@ DOORS = (
     ),
     (f"{FINETUNE} --option spn", "--option", "NAME=VALUE"),
     (f"{FINETUNE} --option snp=false", "unknown option", "'spn'"),
-    ("factory status uniform.toml", "a source called 'uniform'"),
+    *(
+        (f"factory status {name}.toml", f"a source called '{name}'")
+        for name in ("uniform", "merged", "search")
+    ),
     ("factory status joint.toml", "joint: found 'no', expected true or false"),
     ("factory status pairs.toml", "pairs: found '2', expected a whole number"),
     (f"merge pool --uniform -o {LATIN}.safetensors", "caf\\udce9.safetensors", "no UTF-8"),
