@@ -68,8 +68,8 @@ def build(
     Each finished network is measured on ``held_out`` pairs of its own domain. Training carries rounding
     along, so a bank built on another machine or with another PyTorch is as good as the shipped one, not
     equal to it bit by bit. With one thread the base of ``bank`` takes about ten minutes and a source two to
-    five; that of ``bank-sharp`` an hour and a half, a source five minutes and the joint network fifty, and
-    its scenes, 6 GB in ``rendered``, may be deleted when it is built.
+    five; that of ``bank-sharp`` an hour and three quarters, a source four minutes and the joint network 45,
+    and its scenes, 6 GB in ``rendered``, may be deleted when it is built.
 
     Raises:
         InputError: no bank of that name, or ``only`` names a network that it does not have.

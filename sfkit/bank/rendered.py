@@ -62,9 +62,9 @@ def benchmarks() -> tuple[str, ...]:
 def benchmark(name: str, quick: bool = False, *, of: str = BANK.name) -> Benchmark:
     """The benchmark ``name`` of the bank ``of``, 192 x 384; nothing is rendered before a pair is loaded.
 
-    The banks' benchmarks are the same worlds, and differ in the number of pairs: 40 of ``bank``, and what
-    ranks subsets alike in both halves of ``bank-sharp``. ``quick`` keeps the first 8 pairs of the validation
-    benchmark. Scores are bad-3.0 in percent over all pixels with ground truth, mean over images.
+    The banks' benchmarks are the same worlds and pairs, 40 of each, so that their networks can be compared.
+    ``quick`` keeps the first 8 pairs of the validation benchmark. Scores are bad-3.0 in percent over all
+    pixels with ground truth, mean over images.
 
     Raises:
         InputError: an unknown name, or ``quick`` for a benchmark that searches must not see.
