@@ -53,7 +53,8 @@ def racing(seed: int, _: Path) -> pd.DataFrame:
     for passes in PASSES:
         for finished in FINISHED:
             if finished:
-                met = orders[quick][: int((passes - (1 - QUICK) * finished) / QUICK)]
+                # Rounded: 8 pairs of 20 are no binary fraction, and truncation would lose one.
+                met = orders[quick][: round((passes - (1 - QUICK) * finished) / QUICK)]
                 met = sorted(met, key=lambda mask: quick.scores[mask])[:finished]
             else:
                 met = orders[whole][:passes]
