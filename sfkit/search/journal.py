@@ -3,7 +3,8 @@
 Nothing here is state: no search ever reads a journal, and deleting one changes no result.
 
 Records have an ``event``: ``start`` (kind of search, settings, names), ``generation`` (candidates, best,
-counts, and what the kind adds), ``end`` (why), ``resumed`` (a line before it was cut off by a kill).
+counts, and what the kind adds), ``end`` (why), ``average`` (what won resamples, and the average of it),
+``resumed`` (a line before it was cut off by a kill).
 """
 
 from __future__ import annotations
