@@ -20,7 +20,8 @@ _JPEG = b"\xff\xd8\xff"
 _SCAN, _END = 0xDA, 0xD9  # markers after 0xFF
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # say which colours there are
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # in a scan, others are data and restarts
-_LOSSES = ("premature end", "bad Huffman code", "instead of RST")  # in libjpeg's warnings
+# In libjpeg's warnings; bytes before a restart are left over where some before them are gone.
+_LOSSES = re.compile("[Pp]remature end|bad (Huffman|arithmetic) code|instead of RST|before marker 0xd[0-7]")
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -158,7 +159,7 @@ def _damage(data: bytes) -> str | None:
     try:
         simplejpeg.decode_jpeg(_with_frequencies(data), "GRAY", True, True, min_factor=8)
     except ValueError as error:
-        return str(error) if any(loss in str(error) for loss in _LOSSES) else None
+        return str(error) if _LOSSES.search(str(error)) else None
     return None
 
 

@@ -113,6 +113,16 @@ def test_noise_in_a_scan_is_refused(tmp_path: Path) -> None:
         read_image(_written(tmp_path, whole[:middle] + noise + whole[middle + 600 :]))
 
 
+def test_bytes_that_are_gone_between_restarts_are_missed(tmp_path: Path) -> None:
+    """What is left over before the next restart is the first that libjpeg warns of, and the last."""
+    whole = jpeg(photo(), cv2.IMWRITE_JPEG_RST_INTERVAL, 4)
+    read_image(_written(tmp_path, whole))
+    start = len(whole) // 3
+    for gone in range(60, 600, 60):
+        with pytest.raises(InputError, match=r"lacks a part \(Corrupt JPEG data: "):
+            read_image(_written(tmp_path, whole[:start] + whole[start + gone :]))
+
+
 def test_colours_may_come_in_scans_of_their_own(tmp_path: Path) -> None:
     """As of a camera that does not interleave: three scans, each of one colour."""
     flags = (cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, 0x111111)
