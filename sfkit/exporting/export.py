@@ -31,8 +31,8 @@ from sfkit.merging.saving import write_beside
 Pair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 SIZE = (384, 1248)  # KITTI's images, padded
 TOLERANCE = 1e-3
-_MOST = 2**26  # pixels of an image: more than any camera of a pair has
 """Pixels: what rounding may move the 99th percentile."""
+_MOST = 2**26  # pixels of an image: more than any camera of a pair has
 
 
 class Form(StrEnum):
@@ -205,7 +205,7 @@ def rendered_pair(size: tuple[int, int]) -> Pair:
     """A synthetic pair of (height, width), to run a network on where no real one is at hand.
 
     Raises:
-        InputError: a size below 16 pixels, or of more than ``_MOST``.
+        InputError: a size below 16 pixels, or of more than 2**26 pixels.
     """
     height, width = size
     if min(size) < 16:
