@@ -49,13 +49,13 @@ def joint_path(name: str) -> Path:
     """The network of a bank that was trained on all sources' scenes together.
 
     Raises:
-        InputError: no bank of that name, or it has no such network.
+        InputError: no bank of that name, or no such network ships with it.
     """
-    plan = bank_plan(name)
-    if not plan.joint:
-        having = [each for each in banks() if bank_plan(each).joint]
-        raise InputError(f"joint: {name!r} has no joint network, expected a bank that has one: {having}")
-    return plan.pool_file.with_name(f"{JOINT}.safetensors")
+    path = pool_path(name).with_name(f"{JOINT}.safetensors")
+    if not path.exists():
+        how = f": sfkit bank build {name} trains it" if bank_plan(name).joint else ""
+        raise InputError(f"joint: no joint network ships with {name!r}, expected a bank that has one{how}")
+    return path
 
 
 def training_seconds(name: str = BANK.name) -> dict[str, float]:
