@@ -83,7 +83,7 @@ def show(folder: Folder, json: JsonOption = False) -> None:
     Example:
       sfkit runs show runs/garage
     """
-    from sfkit.inspection import recipe_lines
+    from sfkit.cli.inspection import recipe_lines
     from sfkit.merging.recipe import Recipe
     from sfkit.search.runs import read_run
 

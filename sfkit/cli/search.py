@@ -222,8 +222,8 @@ def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
 
 
 def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float]) -> str:
+    from sfkit.cli.inspection import recipe_lines
     from sfkit.evaluation.changes import LABEL
-    from sfkit.inspection import recipe_lines
 
     unit = "" if metric is None else metric.unit
     lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]

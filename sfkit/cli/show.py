@@ -31,7 +31,7 @@ def show(
 
         runs.show(file, json)
         return
-    from sfkit.inspection import inspect_file
+    from sfkit.cli.inspection import inspect_file
 
     description = inspect_file(file)
     emit(description.document, description.text, as_json=json)

@@ -14,8 +14,9 @@ import torch
 from safetensors.torch import load_file, save_file
 from tiny import write_pool
 
-from sfkit import bank, inspection
+from sfkit import bank
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
+from sfkit.cli import inspection
 from sfkit.merging import known, recognition
 from sfkit.merging.opening import open_pool
 

@@ -36,7 +36,6 @@ ROOMS = (
     "analysis",
     "figures",
     "reports",
-    "inspection",
     "bank",
     "factory",
     "__init__",
