@@ -1,0 +1,42 @@
+"""How census ranks the merges of the bank that was not softened, world by world."""
+
+from __future__ import annotations
+
+from processes import call, shown
+
+COMMAND = ("census_worlds.py", "--pool", "bank-sharp", "--store", "runs/census_worlds_sharp.csv", "--json")
+
+
+def section() -> str:
+    """A table of the worlds, then what the sentence on trust says of each."""
+    rows = call(*COMMAND)
+    lines = [HEAD, "", f"| {' | '.join(COLUMNS)} |", "|---|" + "--:|" * (len(COLUMNS) - 1)]
+    for row in rows:
+        low, high = row["interval"]
+        cells = [f"{row['correlation']:.2f} ({low:.2f} to {high:.2f})"]
+        cells += [f"{row[key]:.2f}" for key in ("fine", "coarse", "two scales", "halves")]
+        cells += [f"{row[key]:.2f}" for key in ("picked", "best", "uniform", "single")]
+        lines.append(f"| {row['world']} | {' | '.join(cells)} |")
+    for key in ("without labels", "with labels"):
+        lines += ["", *(f"- {row['world']}, {key}: {row[key]}" for row in rows)]
+    return "\n".join(lines)
+
+
+COLUMNS = (
+    "world",
+    "rank correlation",
+    "fine scale alone",
+    "coarse alone",
+    "of both scales",
+    "halves of the pairs",
+    "its pick",
+    "best",
+    "uniform",
+    "best single",
+)
+HEAD = f"""## Search without ground truth on the sharper bank
+
+`{shown(*COMMAND)}`: 63 merges of its sources, single ones among them, on the first eight pairs of each world.
+Rank correlation (Spearman) of `census` with the true bad-3.0, and of each of its two scales; how the scales
+rank among themselves, and halves of the pairs; then bad-3.0 in percent. The sentences on trust have no pairs
+kept back."""
