@@ -1,6 +1,6 @@
 """Both stages on the embedded bank: each world guided by its own unlabelled pairs, beside labels.
 
-    python benchmarks/census_bank.py --json
+    python benchmarks/census_bank.py [--pool bank] --json
 
 The first pairs of a world guide by ``census``, by their own labels, or those of the validation world do by
 labels; further pairs of the world, which guided nothing, judge by bad-3.0. Everything scored is kept in a
@@ -28,19 +28,19 @@ UNLABELLED, LABELLED, OTHER = "own unlabelled", "own labelled", f"labelled {bank
 ENTROPY = "own unlabelled, entropy"
 
 
-def measure(seeds: int, pairs: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
+def measure(pool: str, seeds: int, pairs: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
     """One row a network and world: what guided it, its true error in percent, and what trust says."""
     torch.set_num_threads(1)
-    pool, rows = sfkit.open_pool("bank"), []
+    opened, rows = sfkit.open_pool(pool), []
     store.parent.mkdir(parents=True, exist_ok=True)
     with sfkit.EvaluationStore(store) as kept:
 
         def scorer(benchmark: Benchmark, metric: str) -> sfkit.Evaluator:
-            return sfkit.Evaluator(pool, benchmark, store=kept, metric=metric, also=[TRUE, "census"])
+            return sfkit.Evaluator(opened, benchmark, store=kept, metric=metric, also=[TRUE, "census"])
 
         def searched(guide: sfkit.Evaluator, seed: int) -> Recipe:
             _, second = both(
-                pool, guide, seed, population=POPULATION, generations=GENERATIONS, evaluations=evaluations
+                opened, guide, seed, population=POPULATION, generations=GENERATIONS, evaluations=evaluations
             )
             return second.run().recipe
 
@@ -53,11 +53,11 @@ def measure(seeds: int, pairs: int, evaluations: int, store: Path) -> list[dict[
                 OTHER: validation,
             }
             judge = scorer(whole.select(whole.ids[pairs : 3 * pairs]), TRUE)
-            found = {("", "base", 0): pool.base_recipe(), ("", "uniform", 0): pool.uniform()}
+            found = {("", "base", 0): opened.base_recipe(), ("", "uniform", 0): opened.uniform()}
             for seed in range(seeds):
                 for name, guide in guides.items():
                     found[name, "Stage 1+2", seed] = searched(guide, seed)
-            adapted = baselines.baseline_named("adamerging_blocks")(pool, guides[UNLABELLED])
+            adapted = baselines.baseline_named("adamerging_blocks")(opened, guides[UNLABELLED])
             found[ENTROPY, "AdaMerging per block", 0] = adapted.recipe
             for (guide, stage, seed), recipe in found.items():
                 score = judge([recipe])[0].score
@@ -81,7 +81,13 @@ def line(row: dict[str, Any]) -> str:
     return "  ".join(f"{value:8.2f}" if isinstance(value, float) else f"{value:16}" for value in row.values())
 
 
-OPTIONS = {"seeds": 2, "pairs": 8, "evaluations": 80, "store": Path("runs/census_bank.sqlite")}
+OPTIONS = {
+    "pool": "bank",
+    "seeds": 2,
+    "pairs": 8,
+    "evaluations": 80,
+    "store": Path("runs/census_bank.sqlite"),
+}
 """Of the command line: pairs guide, and twice as many judge."""
 
 if __name__ == "__main__":

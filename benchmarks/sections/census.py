@@ -25,7 +25,7 @@ def section() -> str:
     rows = call(*COMMAND)
     parts = [HEAD, _real([row for row in rows if row["kind"] == "real"]), VARIANTS, _variants(rows)]
     parts += [TWICE, _two_passes(rows), GUIDES, _guides(call(*GUIDED))]
-    parts += [BANK, _worlds(call(*WORLDS)), SIGNS, _signs(call(*SIGNED))]
+    parts += [BANK, worlds(call(*WORLDS)), SIGNS, _signs(call(*SIGNED))]
     return "\n\n".join(parts)
 
 
@@ -143,14 +143,15 @@ def _guides(rows: Sequence[dict[str, Any]]) -> str:
     return _table(("guide", "network", "seed", *pairs, "mean"), lines, 2)
 
 
-def _worlds(rows: Sequence[dict[str, Any]]) -> str:
+def worlds(rows: Sequence[dict[str, Any]]) -> str:
+    """What census_bank.py found: a column a world, then what is said of trust."""
     scored = [row for row in rows if "score" in row]
-    worlds = list(dict.fromkeys(row["world"] for row in rows))
+    places = list(dict.fromkeys(row["world"] for row in rows))
     found: dict[tuple[str, str, int], dict[str, float]] = {}
     for row in scored:
         found.setdefault((row["guide"], row["stage"], row["seed"]), {})[row["world"]] = row["score"]
     lines = [
-        (guide, stage, *(f"{scores[world]:.2f}" for world in worlds))
+        (guide, stage, *(f"{scores[world]:.2f}" for world in places))
         for (guide, stage, _), scores in found.items()
     ]
     said = [
@@ -158,7 +159,7 @@ def _worlds(rows: Sequence[dict[str, Any]]) -> str:
         for row in rows
         if "sentence" in row
     ]
-    table = _table(("guide", "network", *worlds), lines, 2)
+    table = _table(("guide", "network", *places), lines, 2)
     return "\n".join([table, "", "What the trust sentence says of each world:", "", *said])
 
 
