@@ -113,17 +113,27 @@ def write_pictures(pool: Pool, folder: Path) -> None:
         write_picture(folder / f"{name}.jpg", strip(sample, disparity.numpy()))
 
 
-def _sections(scores: BankScores) -> Iterable[str]:
-    yield "## What a reader should conclude\n"
-    yield from (f"- {sentence}" for sentence in conclusions(scores))
+def benchmark_section(scores: BankScores) -> Iterable[str]:
+    """Networks by benchmarks."""
     yield "\n## Benchmarks, bad-3.0 in percent\n"
     yield "`*` is the validation benchmark, which searches look at; the mean is over the others.\n"
     yield markdown(with_mean(scores.benchmarks))
+
+
+def domain_sections(scores: BankScores) -> Iterable[str]:
+    """Networks by domains, in percent and in pixels."""
     yield "\n## Domains, bad-3.0 in percent on held-out pairs\n"
     yield "A row a network, a column a domain; a source's own domain is in bold.\n"
     yield markdown(scores.domains, bold=True)
     yield "\n## Domains, end-point error in pixels on the same pairs\n"
     yield markdown(scores.errors, digits=2, bold=True)
+
+
+def _sections(scores: BankScores) -> Iterable[str]:
+    yield "## What a reader should conclude\n"
+    yield from (f"- {sentence}" for sentence in conclusions(scores))
+    yield from benchmark_section(scores)
+    yield from domain_sections(scores)
     yield "\n## Trainings\n"
     yield TRAININGS
     yield training_table(scores.trainings)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from bank_page import conclusions, markdown, training_table, with_mean
+from bank_page import benchmark_section, conclusions, domain_sections, markdown, training_table, with_mean
 from bank_pictures import Picture, beside, write_picture
 from bank_scores import UNIFORM, BankScores, bank_scores
 from bank_stability import SUBSETS, rank_stability
@@ -166,18 +166,12 @@ def _sections(scores: BankScores, before: pd.DataFrame, ranks: pd.DataFrame) -> 
     yield f"\nPair {SHOWN} of each benchmark: left view, truth, then the base's map and its error (white from"
     yield "6 px on), the first bank's and this one's.\n"
     yield f"![Maps of both banks' bases]({MAPS.as_posix()})"
-    yield "\n## Benchmarks, bad-3.0 in percent\n"
-    yield "`*` is the validation benchmark, which searches look at; the mean is over the others.\n"
-    yield markdown(with_mean(scores.benchmarks))
+    yield from benchmark_section(scores)
     yield "\n## How alike two halves of the pairs rank subsets\n"
     yield f"Mean Spearman correlation over 50 random halves of the first n pairs, of {SUBSETS} random subsets"
     yield f"merged equally; the benchmarks have {SHARP.pairs} pairs (`python docs/bank_stability.py`).\n"
     yield markdown(ranks.rename(columns=lambda n: f"{n} pairs"), digits=2).replace("network", "benchmark", 1)
-    yield "\n## Domains, bad-3.0 in percent on held-out pairs\n"
-    yield "A row a network, a column a domain; a source's own domain is in bold.\n"
-    yield markdown(scores.domains, bold=True)
-    yield "\n## Domains, end-point error in pixels on the same pairs\n"
-    yield markdown(scores.errors, digits=2, bold=True)
+    yield from domain_sections(scores)
     yield "\n## Trainings\n"
     yield "Measured on held-out pairs of the own domain, the joint network on those of all sources. Seconds"
     yield "are on the clock of a machine that other work shared; a quiet one needs the CPU seconds.\n"

@@ -6,6 +6,8 @@ import census_bank
 from processes import call, shown
 from sections.census import worlds
 
+from sfkit.analysis.tables import markdown_lines
+
 COMMAND = ("census_worlds.py", "--pool", "bank-sharp", "--store", "runs/census_worlds_sharp.csv", "--json")
 SEARCHES = ("census_bank.py", "--pool", "bank-sharp", "--seeds", "1")
 SEARCHES += ("--store", "runs/census_bank_sharp.sqlite", "--json")
@@ -14,17 +16,16 @@ SEARCHES += ("--store", "runs/census_bank_sharp.sqlite", "--json")
 def section() -> str:
     """A table of the worlds, then both stages guided on each, and what is said of trust."""
     rows = call(*COMMAND)
-    lines = [HEAD, "", f"| {' | '.join(COLUMNS)} |", "|---|" + "--:|" * (len(COLUMNS) - 1)]
+    cells = []
     for row in rows:
         low, high = row["interval"]
-        cells = [f"{row['correlation']:.2f} ({low:.2f} to {high:.2f})"]
-        cells += [f"{row[key]:.2f}" for key in ("fine", "coarse", "two scales", "halves")]
-        cells += [f"{row[key]:.2f}" for key in ("picked", "best", "uniform", "single")]
-        lines.append(f"| {row['world']} | {' | '.join(cells)} |")
-    lines += ["", GUIDED, "", worlds(call(*SEARCHES))]
-    return "\n".join(lines)
+        scores = [f"{row[key]:.2f}" for key in KEYS]
+        cells.append((row["world"], f"{row['correlation']:.2f} ({low:.2f} to {high:.2f})", *scores))
+    table = markdown_lines(COLUMNS, cells, [False, *[True] * (len(COLUMNS) - 1)])
+    return "\n\n".join([HEAD, table, GUIDED, worlds(call(*SEARCHES))])
 
 
+KEYS = ("fine", "coarse", "two scales", "halves", "picked", "best", "uniform", "single")
 COLUMNS = (
     "world",
     "rank correlation",

@@ -7,7 +7,7 @@ import math
 import mmap
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from safetensors import SafetensorError, safe_open
 
@@ -100,9 +100,7 @@ def stored_tensors(path: Path, *, digests: bool = True) -> dict[str, StoredTenso
     Without ``digests``, which are empty then, no content is read.
     """
     with path.open("rb") as file:
-        start = 8 + int.from_bytes(file.read(8), "little")
-        entries = json.loads(file.read(start - 8))
-        entries.pop("__metadata__", None)
+        start, entries = _entries(file)
         if any(entry["dtype"] not in _DTYPES for entry in entries.values()):
             return None
         if not digests:
@@ -126,9 +124,7 @@ def stored_arrays(path: Path) -> dict[str, np.ndarray] | None:
     import numpy as np
 
     with path.open("rb") as file:
-        start = 8 + int.from_bytes(file.read(8), "little")
-        entries = json.loads(file.read(start - 8))
-        entries.pop("__metadata__", None)
+        start, entries = _entries(file)
     if any(entry["dtype"] not in _NUMPY for entry in entries.values()):
         return None
     pages = np.memmap(path, np.uint8, "r")
@@ -137,6 +133,14 @@ def stored_arrays(path: Path) -> dict[str, np.ndarray] | None:
         begin, end = entry["data_offsets"]
         found[key] = pages[start + begin : start + end].view(_NUMPY[entry["dtype"]]).reshape(entry["shape"])
     return found
+
+
+def _entries(file: BinaryIO) -> tuple[int, dict[str, Any]]:
+    """Where the content of a whole file begins, and key -> type, shape and place of each tensor."""
+    start = 8 + int.from_bytes(file.read(8), "little")
+    entries = json.loads(file.read(start - 8))
+    entries.pop("__metadata__", None)
+    return start, entries
 
 
 def _sound_texts(path: Path) -> dict[str, str] | None:
