@@ -15,6 +15,7 @@ from safetensors.torch import load_file, save_file
 from tiny import write_pool
 
 from sfkit import bank
+from sfkit.architectures import registry
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.cli import inspection
 from sfkit.merging import known, recognition
@@ -104,7 +105,10 @@ def test_so_is_a_pool_that_is_described_otherwise(change: dict[str, Any], tmp_pa
     assert known.relations(replace(spec, sources=twins)) is None
 
 
-def test_where_the_registry_is_in_use_it_is_asked(tmp_path: Path) -> None:
+def test_where_the_registry_is_in_use_it_is_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shipped = json.loads(known.TABLE.read_text(encoding="utf-8"))
+    # Other tests of the same process may have registered networks with the same keys.
+    monkeypatch.setattr(registry, "_REGISTRY", {name: registry.architecture(name) for name in shipped})
     spec = read_pool_spec(write_pool(tmp_path))
     assert known.known_architecture(spec.base.path) is None
     assert recognition.recognised(spec.base.path) == ("anynet",)
