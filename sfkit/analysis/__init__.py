@@ -40,7 +40,7 @@ from sfkit.analysis.overfit import (
 )
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.predictions import (
-    Calibration,
+    PredictionCalibration,
     Predictions,
     calibration,
     predictions,
@@ -76,6 +76,8 @@ from sfkit.analysis.trust import Trust, trust, trust_of, trust_sentences
 from sfkit.analysis.verdict import Support, Verdict, simplicity, verdict
 from sfkit.analysis.worth import compare_methods, method_costs, worth
 
+Calibration = PredictionCalibration  # its former name, kept for one version
+
 __all__ = [
     "Advantage",
     "AdvantagePanels",
@@ -99,6 +101,7 @@ __all__ = [
     "OutlierRegion",
     "PopulationHistory",
     "PopulationSizes",
+    "PredictionCalibration",
     "Predictions",
     "Ranking",
     "RegionScores",

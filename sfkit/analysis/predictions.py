@@ -63,7 +63,7 @@ class Predictions:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class PredictionCalibration:
     """How what a model foretold compares with what came; m proposals with a finite score.
 
     Proposals are chosen where the model expects little, so that it errs there on the hopeful side more often
@@ -131,7 +131,7 @@ def watched_predictions(
     return _told(found.kind, found.candidates, metric, known)
 
 
-def calibration(told: Predictions, levels: Sequence[float] = LEVELS) -> Calibration:
+def calibration(told: Predictions, levels: Sequence[float] = LEVELS) -> PredictionCalibration:
     """Compare what was foretold with what came.
 
     Args:
@@ -152,7 +152,7 @@ def calibration(told: Predictions, levels: Sequence[float] = LEVELS) -> Calibrat
     mean, sd, score = told.mean[kept], told.sd[kept], told.score[kept]
     apart = score - mean
     inside = [np.abs(apart) <= NormalDist().inv_cdf((1.0 + level) / 2.0) * sd for level in levels]
-    return Calibration(
+    return PredictionCalibration(
         metric=told.metric,
         number=told.number[kept],
         mean=mean,

@@ -17,7 +17,7 @@ from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs
 
 
 @dataclass(frozen=True)
-class Route:
+class RoutedCandidate:
     """One candidate of Stage 2.
 
     Attributes:
@@ -48,7 +48,7 @@ class StageOverview:
     run: StageRun
     best_so_far: tuple[float, ...]
     importance: Mapping[str, float]
-    routes: tuple[Route, ...]
+    routes: tuple[RoutedCandidate, ...]
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class ParallelAxes:
     values: tuple[tuple[float, ...], ...]
 
 
-def parallel_axes(routes: Sequence[Route]) -> ParallelAxes:
+def parallel_axes(routes: Sequence[RoutedCandidate]) -> ParallelAxes:
     """Routes as lines; at least one."""
     values = tuple((*route.weights.values(), *route.scales.values(), route.score) for route in routes)
     columns = tuple(zip(*values, strict=True))
@@ -166,7 +166,7 @@ def source_importance(sources: Sequence[str], candidates: Sequence[Mapping[str, 
     }
 
 
-def _routes(found: JournalledSearch, candidates: Sequence[Mapping[str, Any]]) -> tuple[Route, ...]:
+def _routes(found: JournalledSearch, candidates: Sequence[Mapping[str, Any]]) -> tuple[RoutedCandidate, ...]:
     routes = []
     for entry in candidates:
         score, weights = journalled_score(entry), entry["weights"]
@@ -174,5 +174,5 @@ def _routes(found: JournalledSearch, candidates: Sequence[Mapping[str, Any]]) ->
             mean = [sum(row[e] for row in weights) / len(weights) for e in range(len(found.sources))]
             scales = dict(zip(found.blocks, entry["scales"], strict=True))
             named = dict(zip(found.sources, mean, strict=True))
-            routes.append(Route(int(entry["candidate"]), score, named, scales))
+            routes.append(RoutedCandidate(int(entry["candidate"]), score, named, scales))
     return tuple(routes)

@@ -16,7 +16,7 @@ from sfkit.cli.terminal import Bars
 from sfkit.cli.validation import trust_entry, trust_lines
 
 if TYPE_CHECKING:
-    from sfkit.factory import Made
+    from sfkit.factory import FactoryResult
 
 app = sub_commands()
 FactoryArgument = Annotated[Path, typer.Argument(help="A factory.toml.")]
@@ -102,7 +102,7 @@ def run(
     emit({**document, "merged": made.found.merged, "pool": made.pool}, "\n".join(lines), as_json=json)
 
 
-def _training_seconds(made: Made) -> dict[str, Any]:
+def _training_seconds(made: FactoryResult) -> dict[str, Any]:
     """What the report compares the search's cost with."""
     from sfkit.factory.file import JOINT
 

@@ -18,7 +18,7 @@ from sfkit.errors import InputError
 from sfkit.outside import read_toml
 
 if TYPE_CHECKING:
-    from sfkit.training.finetune import Source
+    from sfkit.training.finetune import TrainedSource
     from sfkit.training.loop import Course
     from sfkit.training.settings import TrainingSettings
 
@@ -124,7 +124,7 @@ def command(
         emit(*_told(source), as_json=json)
 
 
-def _told(source: Source) -> tuple[dict[str, Any], str]:
+def _told(source: TrainedSource) -> tuple[dict[str, Any], str]:
     from sfkit.training.finetune import training_folder
 
     document = {

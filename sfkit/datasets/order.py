@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Order", "compare_orders"]
+__all__ = ["PairOrder", "compare_orders"]
 
 WIDTH = 256  # images are looked at in this width at most
 REACH = 0.25  # of the width: the largest disparity that is looked for
@@ -18,7 +18,7 @@ EXCHANGED = 1.04
 
 
 @dataclass(frozen=True)
-class Order:
+class PairOrder:
     """How well blocks match in either direction.
 
     Attributes:
@@ -45,11 +45,13 @@ class Order:
         )
 
 
-def compare_orders(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> Order:
+def compare_orders(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> PairOrder:
     """Match blocks of the left image in the right one to either side; images are (H, W, 3) uint8."""
     first, second = _small(left), _small(right)
     reach = max(2, int(REACH * first.shape[1]))
-    return Order(*(float(_best(first, second, range(sign, sign * reach, sign)).mean()) for sign in (1, -1)))
+    return PairOrder(
+        *(float(_best(first, second, range(sign, sign * reach, sign)).mean()) for sign in (1, -1))
+    )
 
 
 def _small(image: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -56,7 +56,9 @@ ENDINGS = {
     Form.TORCHSCRIPT: (".pt", ".ts"),
     Form.PTH: (".pth", ".pt", ".ckpt", ".tar"),
 }
-MAKERS: dict[Form, Callable[[DeployedNetwork, Sizes, torch.Tensor, torch.Tensor], formats.Made]] = {
+MAKERS: dict[
+    Form, Callable[[DeployedNetwork, Sizes, torch.Tensor, torch.Tensor], formats.ExportedNetwork]
+] = {
     Form.ONNX: formats.onnx,
     Form.TORCH: formats.torch_export,
     Form.TORCHSCRIPT: formats.torchscript,

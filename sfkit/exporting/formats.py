@@ -27,7 +27,7 @@ METADATA = "sfkit.json"
 
 
 @dataclass(frozen=True)
-class Made:
+class ExportedNetwork:
     """An exported network that is not written yet.
 
     Attributes:
@@ -39,7 +39,7 @@ class Made:
     content: Callable[[Mapping[str, str]], bytes]
 
 
-def onnx(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor) -> Made:
+def onnx(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor) -> ExportedNetwork:
     """By PyTorch's dynamo exporter; run by onnxruntime.
 
     Raises:
@@ -78,10 +78,12 @@ def onnx(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torc
         written: bytes = model.SerializeToString()
         return written
 
-    return Made(run, content)
+    return ExportedNetwork(run, content)
 
 
-def torch_export(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor) -> Made:
+def torch_export(
+    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor
+) -> ExportedNetwork:
     """A program of ``torch.export``, which ``torch.export.load`` opens without sfkit.
 
     Raises:
@@ -99,10 +101,12 @@ def torch_export(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, rig
             torch.export.save(program, buffer, extra_files={METADATA: json.dumps(dict(metadata))})
         return buffer.getvalue()
 
-    return Made(_of_module(module), content)
+    return ExportedNetwork(_of_module(module), content)
 
 
-def torchscript(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor) -> Made:
+def torchscript(
+    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor
+) -> ExportedNetwork:
     """A trace for ``torch.jit.load``, of one size.
 
     Raises:
@@ -122,7 +126,7 @@ def torchscript(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, righ
             torch.jit.save(module, buffer, _extra_files={METADATA: json.dumps(dict(metadata))})
         return buffer.getvalue()
 
-    return Made(_of_module(module), content)
+    return ExportedNetwork(_of_module(module), content)
 
 
 def _of_module(module: Any) -> Run:

@@ -3,15 +3,15 @@
 from sfkit.factory.example import write_example
 from sfkit.factory.file import Factory, read_factory
 from sfkit.factory.report import report_values
-from sfkit.factory.run import Cost, Made, run
+from sfkit.factory.run import Cost, FactoryResult, run
 from sfkit.factory.status import Item, most_evaluations, status
 from sfkit.factory.training import train_missing, train_one
 
 __all__ = [
     "Cost",
     "Factory",
+    "FactoryResult",
     "Item",
-    "Made",
     "most_evaluations",
     "read_factory",
     "report_values",

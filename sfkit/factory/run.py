@@ -49,7 +49,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Made:
+class FactoryResult:
     """What a factory made.
 
     Attributes:
@@ -91,7 +91,7 @@ def run(
     devices: Sequence[str] = ("cpu",),
     compute: Compute | None = None,
     say: Say = lambda _: None,
-) -> Made:
+) -> FactoryResult:
     """Make what a factory lacks; a second call finds all of it done, a new source costs its own share.
 
     Writes below ``factory.out``: ``sources/``, ``pool.toml``, ``evaluations.sqlite``, ``search/``,
@@ -139,7 +139,7 @@ def run(
     costs = (*_training_costs(factory, items), _search_cost(factory, found))
     table = pd.DataFrame([asdict(cost) for cost in costs])
     write_text(factory.out / COSTS, table.to_csv(index=False))
-    return Made(items, pool_file, found, scores, costs, trained, evaluated, trusted)
+    return FactoryResult(items, pool_file, found, scores, costs, trained, evaluated, trusted)
 
 
 def pool_toml(factory: Factory) -> str:

@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from sfkit.analysis.drawn_points import drawn_points
 from sfkit.analysis.labels import metric_label
-from sfkit.analysis.predictions import Calibration, Predictions
+from sfkit.analysis.predictions import PredictionCalibration, Predictions
 from sfkit.errors import InputError
 from sfkit.figures.axes import FAILED_NAME, beyond
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
@@ -60,7 +60,7 @@ def predictions_figure(told: Predictions, *, theme: str = "auto", height: int = 
     )
 
 
-def calibration_figure(found: Calibration, *, theme: str = "auto", height: int = 460) -> go.Figure:
+def calibration_figure(found: PredictionCalibration, *, theme: str = "auto", height: int = 460) -> go.Figure:
     """Draw measured over predicted scores, and how many measured scores the intervals hold.
 
     Args:
@@ -152,7 +152,7 @@ def _measured(figure: go.Figure, told: Predictions, drawn: list[int]) -> None:
             )
 
 
-def _against(figure: go.Figure, found: Calibration, muted: str) -> None:
+def _against(figure: go.Figure, found: PredictionCalibration, muted: str) -> None:
     ends = [
         float(min((found.mean - found.sd).min(), found.score.min())),
         float(max((found.mean + found.sd).max(), found.score.max())),
@@ -182,7 +182,7 @@ def _against(figure: go.Figure, found: Calibration, muted: str) -> None:
     )
 
 
-def _coverage(figure: go.Figure, found: Calibration, muted: str) -> None:
+def _coverage(figure: go.Figure, found: PredictionCalibration, muted: str) -> None:
     levels = [100.0 * level for level in found.levels]
     low, high = ([100.0 * end for end in ends] for ends in zip(*found.honest, strict=True))
     figure.add_scatter(
@@ -214,7 +214,7 @@ def _coverage(figure: go.Figure, found: Calibration, muted: str) -> None:
         )
 
 
-def _answer(found: Calibration) -> str:
+def _answer(found: PredictionCalibration) -> str:
     level = max(range(len(found.levels)), key=lambda n: -abs(found.levels[n] - 0.95))
     (low, high), covered = found.honest[level], found.coverage[level]
     word = "too bold" if covered < low else "too careful" if covered > high else "as promised"

@@ -12,7 +12,7 @@ from importlib.resources import files
 
 from sfkit.analysis.run_overview import (
     COLUMNS,
-    Route,
+    RoutedCandidate,
     RunOverview,
     StageOverview,
     parallel_axes,
@@ -135,7 +135,7 @@ def _importance(importance: Mapping[str, float]) -> str:
     return "".join(parts)
 
 
-def _parallel(routes: Sequence[Route]) -> str:
+def _parallel(routes: Sequence[RoutedCandidate]) -> str:
     axes = parallel_axes(routes)
     names, lows, highs = axes.names, axes.lows, axes.highs
     xs = [24 + (WIDTH - 48) * number / max(len(names) - 1, 1) for number in range(len(names))]

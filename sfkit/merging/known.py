@@ -40,7 +40,7 @@ _NEUTRAL: dict[str, Callable[[Any], bool]] = {
 
 
 @dataclass(frozen=True)
-class Known:
+class KnownArchitecture:
     """An architecture with its default options.
 
     Attributes:
@@ -74,11 +74,11 @@ class Relations:
 
 
 @cache
-def table() -> dict[str, Known]:
+def table() -> dict[str, KnownArchitecture]:
     """Architecture -> what is known of it."""
     entries = json.loads(TABLE.read_text(encoding="utf-8"))
     return {
-        name: Known(
+        name: KnownArchitecture(
             required=entry["required"],
             whole=entry["whole"],
             optional=tuple(entry["optional"]),
@@ -199,7 +199,7 @@ def as_registered() -> str:
     return json.dumps(found, indent=1) + "\n"
 
 
-def _sound(path: Path, architecture: str, entry: Known) -> dict[str, np.ndarray] | None:
+def _sound(path: Path, architecture: str, entry: KnownArchitecture) -> dict[str, np.ndarray] | None:
     """Key -> what a pool merges of a file, all of it finite and no variance below 0; None for other files."""
     import numpy as np
 

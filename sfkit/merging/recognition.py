@@ -25,7 +25,7 @@ ALIKE = 1.1  # distances that differ less may be either's
 
 
 @dataclass(frozen=True)
-class Family:
+class CheckpointFamily:
     """Checkpoints of one architecture in a folder.
 
     Attributes:
@@ -87,7 +87,7 @@ def whose_keys(path: Path, name: str) -> str:
     return f"; its keys are those of {' or '.join(others)}: is architecture = {name!r} what you meant?"
 
 
-def family(folder: Path, base: str | None = None) -> Family:
+def family(folder: Path, base: str | None = None) -> CheckpointFamily:
     """The checkpoints of a folder as a pool: one architecture, a base, and sources.
 
     Args:
@@ -132,7 +132,9 @@ def family(folder: Path, base: str | None = None) -> Family:
     return _family(name, members, skipped, base)
 
 
-def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str], said: str | None) -> Family:
+def _family(
+    name: str, members: Sequence[Path], skipped: Mapping[Path, str], said: str | None
+) -> CheckpointFamily:
     import numpy as np
 
     weights = {path: _matrices(path, name) for path in members}
@@ -152,7 +154,7 @@ def _family(name: str, members: Sequence[Path], skipped: Mapping[Path, str], sai
     base = min(named or near, key=lambda path: farthest[path])
     base = next((path for path in members if path.name == said), base)
     cosines = {p: float(flat[p] @ flat[base]) / (norms[p] * norms[base]) for p in members}
-    return Family(name, base, tuple(p for p in members if p != base), farthest, cosines, skipped)
+    return CheckpointFamily(name, base, tuple(p for p in members if p != base), farthest, cosines, skipped)
 
 
 def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
@@ -174,7 +176,7 @@ def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
     return {key: (t.float() if t.dtype == torch.bfloat16 else t).numpy() for key, t in kept.items()}
 
 
-def pool_toml(found: Family, name: str) -> str:
+def pool_toml(found: CheckpointFamily, name: str) -> str:
     """A commented ``pool.toml`` for a family, to lie in its folder."""
     lines = [
         f"name = {toml_value(name)}",

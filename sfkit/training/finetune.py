@@ -32,7 +32,7 @@ from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.outside import parse_json
-from sfkit.training.loop import Course, Listener, Task, train
+from sfkit.training.loop import Course, Listener, TrainingTask, train
 from sfkit.training.recipes import TrainingRecipe, recipe_of
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
@@ -44,7 +44,7 @@ COLUMNS = ("step", "loss", "gradient_norm", "rate")
 
 
 @dataclass(frozen=True)
-class Source:
+class TrainedSource:
     """A source that was trained: its file, and what it cost.
 
     Attributes:
@@ -82,7 +82,7 @@ def finetune(
     form: FileForm = FileForm.SAFETENSORS,
     overwrite: bool = False,
     listen: Listener | None = None,
-) -> Source:
+) -> TrainedSource:
     """Train ``base`` on ``data`` and write the network to ``out``, in the key names of the base's file.
 
     Stopped at any moment and called again with the same arguments it goes on from its last saved state and
@@ -117,7 +117,7 @@ def finetune(
         )
     made = _made(entry, chosen, origin, data, settings, recipe, licence)
     folder = training_folder(out)
-    task = Task(
+    task = TrainingTask(
         network=network,
         inputs=entry.inputs(chosen),
         objective=recipe.objective,
@@ -255,16 +255,16 @@ def write_curve(folder: Path, course: Course) -> None:
     write_text(folder / "training.csv", text.getvalue())
 
 
-def _finish(folder: Path, course: Course, made: Mapping[str, Any], result: Source) -> None:
+def _finish(folder: Path, course: Course, made: Mapping[str, Any], result: TrainedSource) -> None:
     write_curve(folder, course)
     cost = {"seconds": round(result.seconds, 1), "cpu_seconds": round(result.cpu_seconds, 1)}
     record = {**made, **cost, "loss": result.loss, "broken": dict(course.broken)}
     write_text(folder / "training.json", json.dumps(record, indent=2, sort_keys=True) + "\n")
 
 
-def _result(out: Path, course: Course, settings: TrainingSettings) -> Source:
+def _result(out: Path, course: Course, settings: TrainingSettings) -> TrainedSource:
     last = [row[1] for row in course.curve[-50:]]
-    return Source(
+    return TrainedSource(
         path=out,
         steps=course.done,
         samples=course.done * settings.batch,

@@ -73,7 +73,7 @@ class _Terms(nn.Module):
 
 
 @dataclass(frozen=True)
-class Task:
+class TrainingTask:
     """All that a training is made of; ``identity`` names it in its state files."""
 
     network: nn.Module
@@ -88,7 +88,7 @@ class Task:
     device: torch.device = field(default_factory=lambda: torch.device("cpu"))
 
 
-def train(task: Task, listen: Listener | None = None, score: Score | None = None) -> Course:
+def train(task: TrainingTask, listen: Listener | None = None, score: Score | None = None) -> Course:
     """Run a training to its end, from its last saved state if there is one; the network is trained in place.
 
     ``listen`` hears every step, ``score`` is asked at every saved state, both on the first process alone.
@@ -102,7 +102,7 @@ def train(task: Task, listen: Listener | None = None, score: Score | None = None
 
 
 class _Run:
-    def __init__(self, task: Task, listen: Listener | None, score: Score | None) -> None:
+    def __init__(self, task: TrainingTask, listen: Listener | None, score: Score | None) -> None:
         self.task, self.listen, self.score = task, listen, score
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
         settings = task.settings

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 from sfkit.architectures import architecture
-from sfkit.architectures.anynet import AnyNet, Route, Trace
+from sfkit.architectures.anynet import AnyNet, Route, StageTrace
 
 Weights = dict[str, torch.Tensor]
 
@@ -75,7 +75,7 @@ def _prepared(image: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(x.transpose(2, 0, 1)[None].copy())
 
 
-def _trace(network: AnyNet, arrays: dict[str, np.ndarray], image: str, dtype: torch.dtype) -> Trace:
+def _trace(network: AnyNet, arrays: dict[str, np.ndarray], image: str, dtype: torch.dtype) -> StageTrace:
     height, width = arrays[f"{image}.L"].shape[:2]
     left, right = (_prepared(arrays[f"{image}.{side}"]).to(dtype) for side in "LR")
     with torch.no_grad():

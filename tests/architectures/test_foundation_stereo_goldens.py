@@ -17,7 +17,7 @@ from foundation_stereo_reference import MODES, arrays, filled_state, images, net
 from torch import nn
 
 from sfkit.architectures import architecture
-from sfkit.architectures.foundation_stereo import FoundationStereo, Trace, hierarchical_disparity
+from sfkit.architectures.foundation_stereo import FoundationStereo, RefinementTrace, hierarchical_disparity
 from sfkit.architectures.foundation_stereo.neck import Features
 
 # Largest absolute errors, from the specification's section 16.
@@ -83,7 +83,7 @@ class Recorder:
 class Run:
     """One forward pass of four iterations."""
 
-    trace: Trace
+    trace: RefinementTrace
     recorder: Recorder
 
 

@@ -22,7 +22,7 @@ from sfkit.architectures.foundation_stereo.disparity_transformer import (
     position_code,
 )
 from sfkit.architectures.foundation_stereo.monocular import input_size
-from sfkit.architectures.foundation_stereo.network import FoundationStereo, Trace
+from sfkit.architectures.foundation_stereo.network import FoundationStereo, RefinementTrace
 from sfkit.architectures.foundation_stereo.sizes import SIZES, VitSize
 from sfkit.architectures.foundation_stereo.upsampling import convex_upsample
 from sfkit.architectures.foundation_stereo.vit import VisionTransformer
@@ -194,12 +194,14 @@ def pairs() -> Pairs:
 
 
 @pytest.fixture(scope="module")
-def trace(network: FoundationStereo, pairs: Pairs) -> Trace:
+def trace(network: FoundationStereo, pairs: Pairs) -> RefinementTrace:
     with torch.inference_mode():
         return network.trace(*pairs)
 
 
-def test_a_batch_gives_what_its_pairs_give(network: FoundationStereo, pairs: Pairs, trace: Trace) -> None:
+def test_a_batch_gives_what_its_pairs_give(
+    network: FoundationStereo, pairs: Pairs, trace: RefinementTrace
+) -> None:
     together = trace.disparities[-1]
     with torch.inference_mode():
         apart = torch.cat([network(left[None], right[None]) for left, right in zip(*pairs, strict=True)])
@@ -209,7 +211,7 @@ def test_a_batch_gives_what_its_pairs_give(network: FoundationStereo, pairs: Pai
 
 
 def test_a_trace_ends_with_the_disparity_and_resumes_from_its_start(
-    network: FoundationStereo, pairs: Pairs, trace: Trace
+    network: FoundationStereo, pairs: Pairs, trace: RefinementTrace
 ) -> None:
     assert len(trace.disparities) == 2
     with torch.inference_mode():
@@ -219,7 +221,7 @@ def test_a_trace_ends_with_the_disparity_and_resumes_from_its_start(
 
 
 def test_saving_memory_changes_nothing(
-    network: FoundationStereo, pairs: Pairs, trace: Trace, monkeypatch: pytest.MonkeyPatch
+    network: FoundationStereo, pairs: Pairs, trace: RefinementTrace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(network, "low_memory", True)
     with torch.inference_mode():
@@ -227,7 +229,7 @@ def test_saving_memory_changes_nothing(
 
 
 def test_mixed_precision_changes_nothing_on_a_processor(
-    network: FoundationStereo, pairs: Pairs, trace: Trace, monkeypatch: pytest.MonkeyPatch
+    network: FoundationStereo, pairs: Pairs, trace: RefinementTrace, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(network, "mixed_precision", True)
     with torch.inference_mode():

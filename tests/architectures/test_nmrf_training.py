@@ -8,7 +8,7 @@ import torch
 from nmrf_fill import fill
 
 from sfkit.architectures import NMRF, architecture
-from sfkit.architectures.nmrf import Coarse, Estimate
+from sfkit.architectures.nmrf import Coarse, NMRFOutput
 from sfkit.architectures.nmrf.training import (
     CLIP_NORM,
     Losses,
@@ -42,7 +42,7 @@ def _scene(rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor, torch.
     return torch.from_numpy(left), torch.from_numpy(right), torch.from_numpy(truth)
 
 
-def _estimate(rng: np.random.Generator, bins: int = 5) -> Estimate:
+def _estimate(rng: np.random.Generator, bins: int = 5) -> NMRFOutput:
     """Random outputs for a 16 x 24 image, all positive."""
 
     def draw(*shape: int) -> torch.Tensor:
@@ -51,7 +51,7 @@ def _estimate(rng: np.random.Generator, bins: int = 5) -> Estimate:
     refined = tuple(draw(1, 16, 24) for _ in range(5))
     coarse = tuple(Coarse(draw(1, 16, 24, 4), draw(1, 16, 24, 4)) for _ in range(5))
     prob = draw(6, bins).softmax(-1)
-    return Estimate(4 * refined[-1], refined[-1], draw(1, 6, 4), draw(1, 6, 4), prob, coarse, refined[:-1])
+    return NMRFOutput(4 * refined[-1], refined[-1], draw(1, 6, 4), draw(1, 6, 4), prob, coarse, refined[:-1])
 
 
 def _truth(rng: np.random.Generator) -> torch.Tensor:
@@ -126,7 +126,7 @@ def test_losses_refuse_what_they_cannot_compare() -> None:
     estimate = _estimate(np.random.default_rng(3))
     with pytest.raises(InputError, match=r"ground truth is \(1, 8, 8\), expected \(1, 16, 24\)"):
         losses(estimate, torch.zeros(1, 8, 8))
-    evaluated = Estimate(estimate.disp, estimate.disp_pred, *[estimate.proposal] * 2, estimate.prob)
+    evaluated = NMRFOutput(estimate.disp, estimate.disp_pred, *[estimate.proposal] * 2, estimate.prob)
     with pytest.raises(InputError, match="expected one made in training mode"):
         losses(evaluated, torch.zeros(1, 16, 24))
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tiny import write_pool
 
 from sfkit.merging import open_pool
-from sfkit.merging.recognition import Family, family, pool_toml
+from sfkit.merging.recognition import CheckpointFamily, family, pool_toml
 from sfkit.outside import is_text, toml_value
 
 NAMES = {
@@ -56,5 +56,7 @@ def test_values_are_read_back(text: str, texts: list[str]) -> None:
 
 def test_a_reason_of_several_lines_stays_a_comment(tmp_path: Path) -> None:
     base, source = tmp_path / "base.pth", tmp_path / "a.pth"
-    found = Family("anynet", base, (source,), {base: 0.1}, {source: 0.9}, {tmp_path: "no\n[evil]\x00\x7f"})
+    found = CheckpointFamily(
+        "anynet", base, (source,), {base: 0.1}, {source: 0.9}, {tmp_path: "no\n[evil]\x00\x7f"}
+    )
     assert "evil" not in tomllib.loads(pool_toml(replace(found), "x"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Any, Protocol, TypeAlias
+from typing import Any, TypeAlias
 
 from sfkit.analysis.evolution import Evolution, evolution, watched_evolution
 from sfkit.analysis.predictions import Predictions, predictions, watched_predictions
@@ -17,28 +17,6 @@ from sfkit.search.routing import RoutingSearch
 from sfkit.search.subset import SubsetSearch
 from sfkit_widgets._base import SfkitWidget
 from sfkit_widgets._publisher import PUBLISHER
-
-
-class Source(Protocol):
-    """A search as its viewers see it."""
-
-    kind: str
-    """``subset`` or ``routing``."""
-
-    def progress(self) -> Progress:
-        """How far it is."""
-
-    def version(self) -> object:
-        """Another object after every generation."""
-
-    def evolution(self) -> Evolution | None:
-        """Stage 1 so far; None before its first generation."""
-
-    def trace(self) -> RoutingTrace | None:
-        """Stage 2 so far; None before its first evaluation."""
-
-    def predictions(self) -> Predictions | None:
-        """What a model foretold so far; None before the search has begun."""
 
 
 class LiveSource:

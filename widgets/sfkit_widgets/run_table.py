@@ -11,7 +11,14 @@ from typing import Any
 import traitlets
 
 from sfkit.analysis.drawn_points import drawn_points
-from sfkit.analysis.run_overview import COLUMNS, Route, StageOverview, overviews, parallel_axes, run_cells
+from sfkit.analysis.run_overview import (
+    COLUMNS,
+    RoutedCandidate,
+    StageOverview,
+    overviews,
+    parallel_axes,
+    run_cells,
+)
 from sfkit.files import home
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget
@@ -110,7 +117,7 @@ def shown_stage(folder: str, metric: str, stage: StageOverview) -> dict[str, Any
     }
 
 
-def shown_axes(routes: Sequence[Route]) -> dict[str, Any]:
+def shown_axes(routes: Sequence[RoutedCandidate]) -> dict[str, Any]:
     """Parallel coordinates of Stage 2.
 
     ``names``, ``lows`` and ``highs`` of the axes; ``lines``, the values of at most 200 candidates, the best

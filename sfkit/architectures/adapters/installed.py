@@ -29,7 +29,7 @@ PREFIX = "net."  # before the keys of the network that a class of theirs wraps
 
 
 @dataclass(frozen=True)
-class Family:
+class NetworkFamily:
     """Networks of one kind.
 
     Attributes:
@@ -43,8 +43,8 @@ class Family:
 
 # A variant ("raft-stereo-realtime") begins with its family's name.
 FAMILIES = {
-    "aanet": Family("aanet", standalone.AANET_BLOCKS),
-    "crestereo": Family(
+    "aanet": NetworkFamily("aanet", standalone.AANET_BLOCKS),
+    "crestereo": NetworkFamily(
         "crestereo",
         {
             "features": ["fnet.*"],
@@ -52,7 +52,7 @@ FAMILIES = {
             "update": ["update_block.*"],
         },
     ),
-    "igev-plusplus": Family(
+    "igev-plusplus": NetworkFamily(
         "igev_plusplus",
         {
             "backbone": ["feature.*", "stem_*", "cnet.*", "context_zqr_convs.*"],
@@ -61,9 +61,9 @@ FAMILIES = {
             "update": ["update_block.*", "spx*"],
         },
     ),
-    "igev-stereo": Family("igev_stereo", standalone.IGEV_BLOCKS),
-    "raft-stereo": Family("raft_stereo", standalone.RAFT_BLOCKS),
-    "s2m2": Family(
+    "igev-stereo": NetworkFamily("igev_stereo", standalone.IGEV_BLOCKS),
+    "raft-stereo": NetworkFamily("raft_stereo", standalone.RAFT_BLOCKS),
+    "s2m2": NetworkFamily(
         "s2m2",
         {
             "backbone": ["cnn_backbone.*", "feat_pyramid.*"],
@@ -72,7 +72,7 @@ FAMILIES = {
             "refinement": ["refiner.*", "ctx_feat.*", "upsample_*"],
         },
     ),
-    "unimatch": Family("unimatch", standalone.GMSTEREO_BLOCKS),
+    "unimatch": NetworkFamily("unimatch", standalone.GMSTEREO_BLOCKS),
 }
 
 

@@ -1,7 +1,7 @@
 """AnyNet: "Anytime Stereo Image Depth Estimation on Mobile Devices" (Wang et al., ICRA 2019)."""
 
 from sfkit.architectures.anynet.aggregation import Route
-from sfkit.architectures.anynet.network import AnyNet, SlimAnyNet, Trace
+from sfkit.architectures.anynet.network import AnyNet, SlimAnyNet, StageTrace
 from sfkit.architectures.anynet.wide import WideAnyNet
 
-__all__ = ["AnyNet", "Route", "SlimAnyNet", "Trace", "WideAnyNet"]
+__all__ = ["AnyNet", "Route", "SlimAnyNet", "StageTrace", "WideAnyNet"]

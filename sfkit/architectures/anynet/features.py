@@ -15,7 +15,7 @@ from torch import nn
 WIDTH = 1  # channels at full resolution; doubled at 1/4, 1/8 and 1/16
 
 
-class Features(NamedTuple):
+class FeaturePyramid(NamedTuple):
     """Feature maps of B images, coarse to fine: (B, 8, H/16, W/16), (B, 4, H/8, W/8), (B, 2, H/4, W/4)."""
 
     sixteenth: torch.Tensor
@@ -24,7 +24,7 @@ class Features(NamedTuple):
 
 
 class FeatureExtractor(nn.Module):
-    """Image (B, 3, H, W), normalised, H and W multiples of 16 -> ``Features``."""
+    """Image (B, 3, H, W), normalised, H and W multiples of 16 -> ``FeaturePyramid``."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -36,13 +36,13 @@ class FeatureExtractor(nn.Module):
         self.blocks = nn.ModuleList([_down(quarter, eighth), _down(eighth, sixteenth)])
         self.upblocks = nn.ModuleList([Up(eighth + sixteenth, eighth), Up(quarter + eighth, quarter)])
 
-    def forward(self, image: torch.Tensor) -> Features:
+    def forward(self, image: torch.Tensor) -> FeaturePyramid:
         # With one output channel the first convolution is up to twice as fast on this layout.
         quarter = self.block0(image.contiguous(memory_format=torch.channels_last))
         eighth = self.blocks[0](quarter)
         sixteenth = self.blocks[1](eighth)
         eighth = self.upblocks[0](eighth, sixteenth)
-        return Features(sixteenth, eighth, self.upblocks[1](quarter, eighth))
+        return FeaturePyramid(sixteenth, eighth, self.upblocks[1](quarter, eighth))
 
 
 class Up(nn.Module):

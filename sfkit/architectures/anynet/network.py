@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from sfkit.architectures.anynet.aggregation import Route, VolumeStack, soft_argmin
-from sfkit.architectures.anynet.features import FeatureExtractor, Features
+from sfkit.architectures.anynet.features import FeatureExtractor, FeaturePyramid
 from sfkit.architectures.anynet.refinement import refine, spatial_propagation
 from sfkit.architectures.anynet.volumes import full_volume, residual_volume
 from sfkit.architectures.inputs import InputConvention
@@ -29,7 +29,7 @@ BLOCKS = {
 
 
 @dataclass(frozen=True)
-class Trace:
+class StageTrace:
     """What each stage found.
 
     Attributes:
@@ -108,7 +108,7 @@ class AnyNet(nn.Module):
         """The disparity after each stage, coarse to fine, each (B, H, W) in pixels."""
         return list(self.trace(left, right).disparities)
 
-    def trace(self, left: torch.Tensor, right: torch.Tensor) -> Trace:
+    def trace(self, left: torch.Tensor, right: torch.Tensor) -> StageTrace:
         """All stages with their low-resolution values, for training, display and tests."""
         _check_images(left, right)
         size = (left.shape[-2], left.shape[-1])
@@ -124,7 +124,7 @@ class AnyNet(nn.Module):
             disparities.append(step if previous is None else previous + step)
         if self.refine_spn is not None:
             disparities.append(refine(self.refine_spn, left, disparities[-1]))
-        return Trace(tuple(low), tuple(disparities), tuple(costs))
+        return StageTrace(tuple(low), tuple(disparities), tuple(costs))
 
     @staticmethod
     def initialise(module: nn.Module) -> None:
@@ -155,12 +155,12 @@ class AnyNet(nn.Module):
         # learned the sign this way round.
         return self.volume_postprocess[stage](cost), first
 
-    def _features(self, left: torch.Tensor, right: torch.Tensor) -> tuple[Features, Features]:
+    def _features(self, left: torch.Tensor, right: torch.Tensor) -> tuple[FeaturePyramid, FeaturePyramid]:
         if self.training:  # batch statistics are those of one side, as in the published training
             return self.feature_extraction(left), self.feature_extraction(right)
         both = self.feature_extraction(torch.cat([left, right]))
         n = left.shape[0]
-        return Features(*[m[:n] for m in both]), Features(*[m[n:] for m in both])
+        return FeaturePyramid(*[m[:n] for m in both]), FeaturePyramid(*[m[n:] for m in both])
 
 
 @register_architecture(

@@ -15,8 +15,8 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from sfkit.architectures.anynet.features import Features, Up, unit
-from sfkit.architectures.anynet.network import MULTIPLE, AnyNet, Trace, matching
+from sfkit.architectures.anynet.features import FeaturePyramid, Up, unit
+from sfkit.architectures.anynet.network import MULTIPLE, AnyNet, StageTrace, matching
 from sfkit.architectures.inputs import InputConvention
 from sfkit.architectures.registry import register_architecture
 
@@ -47,16 +47,16 @@ class WideAnyNet(AnyNet):
         self.feature_extraction.apply(self.initialise)
         self.upsampling.apply(self.initialise)
 
-    def trace(self, left: torch.Tensor, right: torch.Tensor) -> Trace:
+    def trace(self, left: torch.Tensor, right: torch.Tensor) -> StageTrace:
         """AnyNet's stages; the fourth disparity is the third one raised anew."""
         found = super().trace(left, right)
         stem = self.feature_extraction.stem(left)  # type: ignore[operator]  # modules are untyped
         raised = self.upsampling(found.disparities[-1], stem)
-        return Trace(found.low, (*found.disparities, raised), found.costs)
+        return StageTrace(found.low, (*found.disparities, raised), found.costs)
 
 
 class WideFeatures(nn.Module):
-    """Image (B, 3, H, W), normalised, H and W multiples of 16 -> ``Features``."""
+    """Image (B, 3, H, W), normalised, H and W multiples of 16 -> ``FeaturePyramid``."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -70,12 +70,12 @@ class WideFeatures(nn.Module):
         )
         self.upblocks = nn.ModuleList([Up(EIGHTH + SIXTEENTH, EIGHTH), Up(QUARTER + EIGHTH, QUARTER)])
 
-    def forward(self, image: torch.Tensor) -> Features:
+    def forward(self, image: torch.Tensor) -> FeaturePyramid:
         quarter = self.blocks[0](self.stem(image.contiguous(memory_format=torch.channels_last)))
         eighth = self.blocks[1](quarter)
         sixteenth = self.blocks[2](eighth)
         eighth = self.upblocks[0](eighth, sixteenth)
-        return Features(sixteenth, eighth, self.upblocks[1](quarter, eighth))
+        return FeaturePyramid(sixteenth, eighth, self.upblocks[1](quarter, eighth))
 
 
 class ConvexUpsampling(nn.Module):

@@ -16,12 +16,12 @@ Our own code, after the paper. Weights are not part of sfkit: NVIDIA publishes t
 
 from sfkit.architectures.foundation_stereo.builder import foundation_stereo
 from sfkit.architectures.foundation_stereo.hierarchical import hierarchical_disparity
-from sfkit.architectures.foundation_stereo.network import FoundationStereo, Trace
+from sfkit.architectures.foundation_stereo.network import FoundationStereo, RefinementTrace
 from sfkit.architectures.foundation_stereo.options import options_from_config
 
 __all__ = [
     "FoundationStereo",
-    "Trace",
+    "RefinementTrace",
     "foundation_stereo",
     "hierarchical_disparity",
     "options_from_config",

@@ -135,7 +135,7 @@ class SplitTransposeLayer(nn.Module):
         return torch.cat([*out, untouched], dim=1)
 
 
-class Stage(nn.Module):
+class EdgeNeXtStage(nn.Module):
     """One resolution: halve the size (but for the first stage), then the stage's layers."""
 
     def __init__(self, index: int) -> None:
@@ -163,4 +163,4 @@ def edgenext_stem() -> nn.Sequential:
 
 def edgenext_stages() -> nn.ModuleList:
     """The four stages, fine to coarse."""
-    return nn.ModuleList(Stage(index) for index in range(len(WIDTHS)))
+    return nn.ModuleList(EdgeNeXtStage(index) for index in range(len(WIDTHS)))

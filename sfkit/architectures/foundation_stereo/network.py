@@ -69,7 +69,7 @@ class Encoded:
 
 
 @dataclass(frozen=True)
-class Trace:
+class RefinementTrace:
     """A forward pass step by step.
 
     Attributes:
@@ -146,11 +146,11 @@ class FoundationStereo(nn.Module):
         disparity, mask = deque(self._refinements(encoded), maxlen=1).pop()
         return self._upsample(encoded, disparity, mask)
 
-    def trace(self, left: Tensor, right: Tensor, *, initial: Tensor | None = None) -> Trace:
+    def trace(self, left: Tensor, right: Tensor, *, initial: Tensor | None = None) -> RefinementTrace:
         """Like ``forward``, but with the first disparity and the one after every iteration."""
         encoded = self.encode(left, right, initial)
         steps = [self._upsample(encoded, *refined) for refined in self._refinements(encoded)]
-        return Trace(encoded.initial, tuple(steps))
+        return RefinementTrace(encoded.initial, tuple(steps))
 
     def encode(self, left: Tensor, right: Tensor, initial: Tensor | None = None) -> Encoded:
         """Everything before the recurrence; arguments as in ``forward``."""

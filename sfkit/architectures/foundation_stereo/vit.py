@@ -48,7 +48,7 @@ class LayerScale(nn.Module):
         return x * self.gamma
 
 
-class Layer(nn.Module):
+class ViTLayer(nn.Module):
     """One pre-norm transformer layer with layer scales."""
 
     def __init__(self, width: int, heads: int) -> None:
@@ -93,7 +93,7 @@ class VisionTransformer(nn.Module):
         self.pos_embed = nn.Parameter(torch.zeros(1, 1 + GRID * GRID, size.width))
         self.mask_token = nn.Parameter(torch.zeros(1, size.width))
         self.patch_embed = PatchEmbed(size.width)
-        self.blocks = nn.ModuleList(Layer(size.width, size.heads) for _ in range(size.depth))
+        self.blocks = nn.ModuleList(ViTLayer(size.width, size.heads) for _ in range(size.depth))
         self.norm = nn.LayerNorm(size.width, eps=NORM_EPS)
         nn.init.trunc_normal_(self.pos_embed, std=0.02)
 

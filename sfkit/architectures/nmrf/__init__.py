@@ -1,6 +1,6 @@
 """NMRF: neural Markov random field stereo (CVPR 2024), with a residual and a Swin-T encoder."""
 
 from sfkit.architectures.nmrf.builders import Normalisation, nmrf_res, nmrf_swint
-from sfkit.architectures.nmrf.network import NMRF, Coarse, Estimate
+from sfkit.architectures.nmrf.network import NMRF, Coarse, NMRFOutput
 
-__all__ = ["NMRF", "Coarse", "Estimate", "Normalisation", "nmrf_res", "nmrf_swint"]
+__all__ = ["NMRF", "Coarse", "NMRFOutput", "Normalisation", "nmrf_res", "nmrf_swint"]

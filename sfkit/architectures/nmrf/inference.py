@@ -141,7 +141,7 @@ class WindowMessages(nn.Module):
         return y
 
 
-class Layer(nn.Module):
+class MessageLayer(nn.Module):
     """A layer as the state dict names it; ``self_nmp`` only where a pixel has several candidates."""
 
     def __init__(self, width: int, window: int, shifted: bool, candidates: int) -> None:
@@ -168,7 +168,7 @@ class MessageStack(nn.Module):
         self.window = window
         self.ffn = FeedForward(UNARY_WIDTH, width, width)
         self.layers = nn.ModuleList(
-            Layer(width, window, shifted=i % 2 == 1, candidates=candidates) for i in range(layers)
+            MessageLayer(width, window, shifted=i % 2 == 1, candidates=candidates) for i in range(layers)
         )
         self.norm = nn.LayerNorm(width)
 

@@ -43,7 +43,7 @@ class Coarse:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class NMRFOutput:
     """All outputs of one pass; h = H / 8 and w = W / 8.
 
     Attributes:
@@ -107,7 +107,7 @@ class NMRF(nn.Module):
         *,
         seeds: torch.Tensor | None = None,
         rng: np.random.Generator | None = None,
-    ) -> Estimate:
+    ) -> NMRFOutput:
         """One pass with everything it produces; in training mode with the layers' auxiliary outputs.
 
         Args:
@@ -134,7 +134,7 @@ class NMRF(nn.Module):
 
         features = MatchingFeatures.from_encoder(self.concatconv, self.gw, quarter_left, quarter_right)
         refined = [self._refined(start, tokens) for tokens in self.refinement(start, features)]
-        return Estimate(
+        return NMRFOutput(
             disp=refined[-1] * REFINE_STRIDE,
             disp_pred=refined[-1],
             proposal=proposals.labels.flatten(1, 2),

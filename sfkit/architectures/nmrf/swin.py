@@ -100,7 +100,7 @@ class PatchMerging(nn.Module):
         return y
 
 
-class Stage(nn.Module):
+class SwinStage(nn.Module):
     """The blocks at one resolution, and the way down to the next (none after the last)."""
 
     def __init__(self, width: int, depth: int, heads: int, last: bool) -> None:
@@ -148,7 +148,7 @@ class SwinBackbone(nn.Module):
         self.patch_embed = PatchEmbedding()
         last = len(DEPTHS) - 1
         self.layers = nn.ModuleList(
-            Stage(width, depth, heads, last=stage == last)
+            SwinStage(width, depth, heads, last=stage == last)
             for stage, (width, depth, heads) in enumerate(zip(WIDTHS, DEPTHS, HEADS, strict=True))
         )
 

@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from torch import nn
 
 from sfkit.architectures.nmrf import windows
-from sfkit.architectures.nmrf.network import NMRF, REFINE_STRIDE, Coarse, Estimate
+from sfkit.architectures.nmrf.network import NMRF, REFINE_STRIDE, Coarse, NMRFOutput
 from sfkit.architectures.nmrf.proposals import STRIDE
 from sfkit.errors import InputError
 
@@ -54,7 +54,7 @@ class Losses:
 
 
 def losses(
-    estimate: Estimate, truth: torch.Tensor, *, max_disp: float = TRAINING_LIMIT, smooth: bool = False
+    estimate: NMRFOutput, truth: torch.Tensor, *, max_disp: float = TRAINING_LIMIT, smooth: bool = False
 ) -> Losses:
     """Compare a training-mode estimate with ground truth.
 
@@ -110,7 +110,7 @@ def _init_loss(prob: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     return -(target * prob.clamp(min=LEAST_PROB).log()).sum() / count
 
 
-def _proposal_loss(estimate: Estimate, truth: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+def _proposal_loss(estimate: NMRFOutput, truth: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
     """Each pixel against the nearest of its block's labels."""
     limit = estimate.prob.shape[-1] * STRIDE
     labels = estimate.proposal * STRIDE

@@ -25,7 +25,7 @@ from sfkit.merging.recipe import Recipe
 
 
 @dataclass(frozen=True)
-class Order:
+class WorkerSetup:
     """What lies in the object store: the plan, the pool it needs, and where modules may be found."""
 
     plan: WorkerPlan
@@ -37,7 +37,7 @@ class Order:
 class RayWorker:
     """The actor: one worker, opened from an order."""
 
-    def open(self, order: Order) -> None:
+    def open(self, order: WorkerSetup) -> None:
         """Become a worker; see :meth:`~sfkit.evaluation.engines.plan.WorkerPlan.open`."""
         warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
         # The module of an architecture is imported by its name, from where the user has it.
@@ -70,7 +70,7 @@ class RayCrew(Crew[RaySeat]):
         SfkitError: no cluster can be reached, and none started here.
     """
 
-    def __init__(self, order: Order, workers: int | None, start_seconds: float) -> None:
+    def __init__(self, order: WorkerSetup, workers: int | None, start_seconds: float) -> None:
         import ray
 
         super().__init__(start_seconds)
@@ -171,7 +171,7 @@ def ray_engine(
 
     def hire() -> RayCrew:
         # An empty entry is the working folder of whoever reads it, another one there.
-        order = Order(plan, SharedPool.of(pool), tuple(filter(None, sys.path)), kind)
+        order = WorkerSetup(plan, SharedPool.of(pool), tuple(filter(None, sys.path)), kind)
         return RayCrew(order, workers, start_seconds)
 
     about = f"{workers or 'as many'} workers on {kind}" + ("" if workers else " as the cluster has room for")
