@@ -8,13 +8,13 @@ import os
 import shlex
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
-
-import nbformat
-from nbformat import NotebookNode
+from typing import TYPE_CHECKING, Any
 
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import trouble
+
+if TYPE_CHECKING:
+    from nbformat import NotebookNode
 
 TAG = "parameters"
 
@@ -78,6 +78,8 @@ def read_notebook(path: Path) -> NotebookNode:
     Raises:
         InputError: the file cannot be read, is no notebook, or one in another language.
     """
+    import nbformat  # with all of jsonschema behind it: a notebook's own kernel does without
+
     if path.suffix != ".ipynb":
         raise InputError(f"{path}: found the ending {path.suffix!r}, expected a notebook that ends in .ipynb")
     if why := trouble(path):
