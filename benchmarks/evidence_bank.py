@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from kept import Job
+from trials import Trial, run_trials
 
 import sfkit
-from sfkit.analysis.generalisation import Trial, run_trials
 from sfkit.bank import VALIDATION, benchmark, benchmarks
 from sfkit.bank.rendered import RenderedPair
 from sfkit.datasets import Benchmark

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pandas as pd
 from kept import Job
+from trials import Trial, run_trials
 
 import sfkit
-from sfkit.analysis.generalisation import Trial, run_trials
 from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
 

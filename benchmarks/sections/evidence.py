@@ -8,8 +8,8 @@ import evidence
 import evidence_bank
 import evidence_real
 import pandas as pd
+from trials import with_changes
 
-from sfkit.analysis.overfit import with_changes
 from sfkit.analysis.tables import markdown_lines
 from sfkit.bank import VALIDATION
 from sfkit.evaluation.separation import marked

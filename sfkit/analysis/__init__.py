@@ -10,7 +10,7 @@ from sfkit.analysis.ablations import (
     validation_sets,
 )
 from sfkit.analysis.comparisons import ComparedColumn, ComparedNetwork, NetworkComparison, compare_networks
-from sfkit.analysis.costs import MethodCost, StageCost, cost_table, method_cost, overhead_table, stage_costs
+from sfkit.analysis.costs import MethodCost, StageCost, cost_table, overhead_table, stage_costs
 from sfkit.analysis.differences import (
     Advantage,
     AdvantagePanels,
@@ -21,10 +21,9 @@ from sfkit.analysis.differences import (
     outlier_regions,
 )
 from sfkit.analysis.disparities import Comparison, DisparityPanels, disparity_panels
-from sfkit.analysis.evolution import PopulationHistory, population_history, watched_population
+from sfkit.analysis.evolution import PopulationHistory, population_history
 from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.features import BlockOutputs, block_modules
-from sfkit.analysis.generalisation import Trial, run_trials
 from sfkit.analysis.geometry import TaskVectorGeometry, task_vector_geometry
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.headed import ShownTable, publish_table, score_rows, shown_table
@@ -33,10 +32,8 @@ from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.networks import measure_networks
 from sfkit.analysis.overfit import (
     HoldoutCheck,
-    LearningCurve,
     holdout_check,
     holdout_sentence,
-    learning_curve,
 )
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.predictions import (
@@ -94,7 +91,6 @@ __all__ = [
     "Experiment",
     "HoldoutCheck",
     "InterpolationCurve",
-    "LearningCurve",
     "Measured",
     "MethodCost",
     "NetworkComparison",
@@ -117,7 +113,6 @@ __all__ = [
     "Support",
     "TaskVectorGeometry",
     "TrainingCurve",
-    "Trial",
     "Trust",
     "Verdict",
     "advantage",
@@ -145,12 +140,10 @@ __all__ = [
     "interpolation_curves",
     "judges",
     "latex_table",
-    "learning_curve",
     "markdown_table",
     "measure_networks",
     "measure_recipes",
     "measure_with",
-    "method_cost",
     "method_costs",
     "outlier_regions",
     "over_seeds",
@@ -172,7 +165,6 @@ __all__ = [
     "region_scores",
     "retraining_against_merging",
     "routing_trace",
-    "run_trials",
     "score_grid",
     "score_rows",
     "search_verdict",
@@ -199,7 +191,6 @@ __all__ = [
     "trust_sentences",
     "validation_sets",
     "verdict",
-    "watched_population",
     "watched_predictions",
     "watched_routing",
     "with_references",

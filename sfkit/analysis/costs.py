@@ -106,25 +106,6 @@ class MethodCost:
     runs: int = 1
 
 
-def method_cost(method: str, counts: Counts | Sequence[Counts], images: int) -> MethodCost:
-    """The cost of a method from the counts of its searches.
-
-    Args:
-        method: its name.
-        counts: of one search, or of several that are its stages.
-        images: pairs a recipe is scored on.
-
-    Raises:
-        InputError: fewer than one image.
-    """
-    if images < 1:
-        raise InputError(f"cost: found {images} images, expected at least one")
-    stages = (counts,) if isinstance(counts, Counts) else tuple(counts)
-    evaluations = sum(stage.distinct for stage in stages)
-    seconds = math.fsum(stage.seconds + stage.seconds_saved for stage in stages)
-    return MethodCost(method, evaluations, evaluations * images, seconds)
-
-
 def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -> pd.DataFrame:
     """What methods cost beside the fine-tuning of their sources, as in the paper's table of costs.
 
@@ -132,7 +113,7 @@ def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -
     pool is made of, so that the column says so.
 
     Args:
-        costs: from :func:`method_cost`.
+        costs: from :func:`~sfkit.analysis.worth.method_costs`.
         training: source -> wall seconds its fine-tuning took, such as ``sfkit.bank.training_seconds()``; on
             the same kind of machine as the methods' wall seconds, or the overhead means nothing.
 

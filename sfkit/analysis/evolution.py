@@ -88,23 +88,6 @@ def population_history(
     return summarise(search.sources, known, search.state.populations, generation, metric)
 
 
-def watched_population(
-    records: Iterable[Mapping[str, Any]], *, generation: int | None = None, metric: str | None = None
-) -> PopulationHistory:
-    """The record of a Stage 1 search that runs elsewhere, from its journal.
-
-    Args:
-        records: what :func:`~sfkit.search.journal.read_journal` returned.
-        generation: whose individuals to list; the latest unless given.
-        metric: what the scores are, for labels.
-
-    Raises:
-        InputError: the journal holds no generation of Stage 1, or not the one asked for.
-    """
-    found = JournalledSearch.begun(records, SubsetSearch.kind)
-    return summarise(found.sources, _individuals(found), found.populations, generation, metric)
-
-
 def summarise(
     sources: Sequence[str],
     candidates: Sequence[Individual],

@@ -1,22 +1,12 @@
-"""Does a search fit its validation pairs? The check within one search, and curves over many."""
+"""Does a search fit its validation pairs? What a hold-out saw of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
-
 from sfkit.datasets.metric import Metric
-from sfkit.errors import InputError
 from sfkit.search.routing import RoutingSearch
-
-Floats = NDArray[np.float64]
-
-ALONG = ("pairs", "evaluations")
 
 
 @dataclass(frozen=True)
@@ -90,93 +80,3 @@ def holdout_sentence(search: RoutingSearch, *, metric: str | None = None) -> str
     return (
         "No validation pair was held out: whether Stage 2's gain is the task's or these pairs' is not known."
     )
-
-
-@dataclass(frozen=True, eq=False)
-class LearningCurve:
-    """Unseen against validation score, along the number of validation pairs or of evaluations.
-
-    T trials, K places. Changes are against x = 0, Stage 1's equal weights; below 0 is better.
-
-    Attributes:
-        along: ``pairs`` or ``evaluations``.
-        trials: T names.
-        places: K numbers, ascending.
-        unseen: (T, K) change of the mean over the unseen benchmarks, mean over runs; NaN without a run.
-        lowest: (T, K) the least of the runs.
-        highest: (T, K) the most of them.
-        validation: (T, K) change on all validation pairs, mean over runs; NaN where it was not scored.
-        runs: (T, K) how many runs.
-        metric: what the scores are.
-    """
-
-    along: str
-    trials: tuple[str, ...]
-    places: tuple[int, ...]
-    unseen: Floats
-    lowest: Floats
-    highest: Floats
-    validation: Floats
-    runs: NDArray[np.int64]
-    metric: str | None = None
-
-
-def learning_curve(
-    table: pd.DataFrame,
-    judges: Sequence[str],
-    *,
-    along: str = "pairs",
-    trials: Sequence[str] | None = None,
-    metric: str | None = None,
-) -> LearningCurve:
-    """A curve from tables of :func:`~sfkit.analysis.generalisation.run_trials`.
-
-    Args:
-        table: one or several, with a column ``pairs`` for the number of validation pairs.
-        judges: the unseen benchmarks to average, by column.
-        along: ``pairs`` takes the end of every search; ``evaluations`` all that was judged on the way.
-        trials: which, in this order; all unless given.
-        metric: for labels.
-
-    Raises:
-        InputError: another word for ``along``, a judge that is no column, or an empty table.
-    """
-    if along not in ALONG:
-        raise InputError(f"along: found {along!r}, expected pairs or evaluations")
-    for judge in judges:
-        if f"{judge}:equal" not in table:
-            raise InputError(f"judges: found {judge!r}, which is no benchmark of the table's columns")
-    if table.empty or not judges:
-        raise InputError("learning curve: found nothing to average, expected rows and at least one judge")
-    frame = with_changes(table, judges)
-    if along == "pairs":
-        frame = frame[
-            frame["evaluations"] == frame.groupby(["pairs", "trial", "seed"])["evaluations"].transform("max")
-        ]
-    names = tuple(dict.fromkeys(frame["trial"])) if trials is None else tuple(trials)
-    places = tuple(sorted(int(place) for place in frame[along].unique()))
-    shape = (len(names), len(places))
-    grids = {name: np.full(shape, np.nan) for name in ("unseen", "lowest", "highest", "validation")}
-    runs = np.zeros(shape, dtype=np.int64)
-    for row, trial in enumerate(names):
-        for column, place in enumerate(places):
-            part = frame[(frame["trial"] == trial) & (frame[along] == place)]
-            runs[row, column] = len(part)
-            for name, values, how in _COLUMNS:
-                grids[name][row, column] = part[values].agg(how)
-    return LearningCurve(along, names, places, **grids, runs=runs, metric=metric)
-
-
-_COLUMNS = (
-    ("unseen", "unseen", "mean"),
-    ("lowest", "unseen", "min"),
-    ("highest", "unseen", "max"),
-    ("validation", "change", "mean"),
-)
-
-
-def with_changes(table: pd.DataFrame, judges: Sequence[str]) -> pd.DataFrame:
-    """The table with ``change`` on all validation pairs, and ``unseen``, the mean change over judges."""
-    after = table[list(judges)].mean(axis=1, skipna=False)
-    before = table[[f"{judge}:equal" for judge in judges]].mean(axis=1, skipna=False)
-    return table.assign(change=table["validation"] - table["equal"], unseen=after - before)

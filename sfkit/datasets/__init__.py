@@ -7,7 +7,7 @@ from sfkit.on_demand import on_demand
 if TYPE_CHECKING:
     from sfkit.datasets.benchmark import memory_benchmark, open_benchmark, open_benchmarks
     from sfkit.datasets.benchmark_record import Benchmark
-    from sfkit.datasets.check import DataReport, check_benchmark, check_data
+    from sfkit.datasets.check import DataReport, check_data
     from sfkit.datasets.formats import (
         read_disparity,
         read_image,
@@ -30,7 +30,6 @@ __all__ = [
     "Pair",
     "Sample",
     "StereoPair",
-    "check_benchmark",
     "check_data",
     "load_manifest",
     "manifest_names",

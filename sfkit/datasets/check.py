@@ -10,7 +10,6 @@ from typing import Any
 
 from sfkit.datasets import check_sample
 from sfkit.datasets.benchmark import PAIRS, find_own_pairs
-from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.folders import nothing_recognised
 from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root
 from sfkit.datasets.manifests import load_manifest
@@ -104,24 +103,6 @@ def check_data(
     found = find_pairs(manifest, folder, resolution)
     nothing = "" if found.pairs else nothing_found(manifest, folder, resolution, found)
     return _report(name, manifest.family, folder, found, manifest.ids, nothing, progress)
-
-
-def check_benchmark(benchmark: Benchmark) -> DataReport:
-    """Load every pair of an open benchmark and report, including what its protocol asks for."""
-    problems, warnings = _check_pairs(benchmark.pairs)
-    try:
-        benchmark.ensure_scorable()
-    except InputError as error:
-        problems = (*problems, str(error))
-    return DataReport(
-        name=benchmark.name,
-        root="" if benchmark.root is None else str(benchmark.root),
-        found=len(benchmark),
-        expected=benchmark.expected,
-        problems=problems,
-        warnings=warnings,
-        notes=benchmark.notes,
-    )
 
 
 def _report(

@@ -56,11 +56,6 @@ def read_source_disparity(path: Path, coding: str) -> Map:
     return read_disparity(path, coding)
 
 
-def source_codings() -> tuple[str, ...]:
-    """The kinds of coding that are defined here."""
-    return (*_DISPARITIES, *_DEPTHS)
-
-
 def _numbers(coding: str, rest: str) -> tuple[float, float]:
     constant, _, far = rest.partition(":")
     try:

@@ -13,7 +13,6 @@ from sfkit.figures.evolution import evolution_figure, population_figure
 from sfkit.figures.geometry import geometry_figure
 from sfkit.figures.growth import population_sizes_figure
 from sfkit.figures.interpolation import interpolation_figure
-from sfkit.figures.overfit import learning_figure
 from sfkit.figures.predictions import calibration_figure, predictions_figure
 from sfkit.figures.probes import probes_figure
 from sfkit.figures.qualitative import qualitative_figure
@@ -38,7 +37,6 @@ __all__ = [
     "evolution_figure",
     "geometry_figure",
     "interpolation_figure",
-    "learning_figure",
     "method_cost_figure",
     "population_figure",
     "population_sizes_figure",

@@ -3,7 +3,7 @@
 Answered here is only what is in every respect as it should be. All else (other layouts and types, options
 that change tensors, missing parts, values that are not finite, a source unlike its base) is left to
 :mod:`sfkit.merging.recognition` and :func:`~sfkit.merging.opening.open_pool`, which say what it is.
-``known.json`` is written by :func:`as_registered`; a test holds it to the networks.
+``known.json`` is what a test writes, and holds to the networks (``tests/merging/test_merging_known.py``).
 """
 
 from __future__ import annotations
@@ -169,34 +169,6 @@ def relations(spec: PoolSpec) -> Relations | None:
         if block >= 0 and any(arrays[key].tobytes() != theirs.tobytes() for arrays in sound.values()):
             sizes[partition.names[block]] += theirs.size
     return Relations(kinships, sizes)
-
-
-def as_registered() -> str:
-    """The table as the registry has it, to be written to ``known.json``."""
-    from sfkit.architectures.registry import architecture, architectures
-    from sfkit.checkpoints.checks import Kind
-    from sfkit.merging.tensor_specs import tensor_specs
-
-    found = {}
-    for name in architectures():
-        entry = architecture(name)
-        module = entry.build.__module__
-        if entry.beside or not module.startswith(SHIPPED) or module.startswith(f"{SHIPPED}adapters."):
-            continue
-        options = entry.resolve()
-        specs = [spec for spec in tensor_specs(entry, options) if not spec.key.endswith(COUNTER)]
-        shapes = {spec.key: spec.shape for spec in specs}
-        constants = [spec.key for spec in specs if spec.kind is Kind.CONSTANT]
-        plain = not (entry.rename or entry.check or entry.frozen or constants)
-        found[name] = {
-            "required": _digest({k: shape for k, shape in shapes.items() if not _any(k, entry.optional)}),
-            "whole": _digest(shapes),
-            "optional": entry.optional,
-            "constants": constants,
-            "options": list(options),
-            "blocks": entry.blocks(options) if plain else {},
-        }
-    return json.dumps(found, indent=1) + "\n"
 
 
 def _sound(path: Path, architecture: str, entry: KnownArchitecture) -> dict[str, np.ndarray] | None:

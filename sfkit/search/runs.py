@@ -158,23 +158,8 @@ def run_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
     ]
 
 
-def compare_runs(first: Run, second: Run) -> pd.DataFrame:
-    """Two runs side by side: results, and every setting in which they differ.
-
-    Returns:
-        Index (stage, what), a column a run, and ``differs``; nested settings are named ``a.b``.
-
-    Raises:
-        InputError: both are the same folder.
-    """
-    import pandas as pd
-
-    heads, rows = run_differences(first, second)
-    return pd.DataFrame(rows, columns=heads).set_index(["stage", "what"])
-
-
 def run_differences(first: Run, second: Run) -> tuple[list[str], list[tuple[Any, ...]]]:
-    """The columns of :func:`compare_runs`, and its rows.
+    """Two runs side by side: results, and every setting in which they differ.
 
     Raises:
         InputError: both are the same folder.

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sfkit.analysis.evolution import Individual, population_history, summarise, watched_population
+from sfkit.analysis.evolution import Individual, population_history, summarise, watched_evolution
 from sfkit.errors import InputError
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
@@ -76,9 +76,8 @@ def test_search_and_journal_tell_the_same(tmp_path: Path) -> None:
     settings = SubsetSettings(population=6, generations=3, seed=1)
     search = SubsetSearch(SOURCES, ("one", "two"), Sizes(), settings, journal=journal)
     search.run()
-    told = population_history(search, metric="epe", generation=2)
-    watched = watched_population(read_journal(journal.path), metric="epe", generation=2)
-    assert told == watched
+    told = population_history(search, metric="epe")
+    assert watched_evolution(read_journal(journal.path), metric="epe").history == told
     assert told.generations == 4
     assert all(len(row) == len(SOURCES) for row in told.share)
     assert told.best[-1] == search.best.score  # type: ignore[union-attr]
@@ -86,4 +85,4 @@ def test_search_and_journal_tell_the_same(tmp_path: Path) -> None:
 
 def test_a_journal_without_a_subset_search_is_refused() -> None:
     with pytest.raises(InputError, match="no generation of a subset search"):
-        watched_population([{"event": "start", "search": "routing"}])
+        watched_evolution([{"event": "start", "search": "routing"}])

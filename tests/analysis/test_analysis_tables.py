@@ -14,7 +14,6 @@ from sfkit.analysis import (
     MethodCost,
     latex_table,
     markdown_table,
-    method_cost,
     overhead_table,
     ranks,
     source_table,
@@ -22,7 +21,6 @@ from sfkit.analysis import (
 )
 from sfkit.errors import InputError
 from sfkit.published import published, published_table
-from sfkit.search.records import Counts
 
 
 def table() -> pd.DataFrame:
@@ -89,17 +87,12 @@ def test_markdown_has_the_same_cells() -> None:
     assert text[3] == "| two | – | _5.00_ | **4.00** | x |"
 
 
-def test_a_method_costs_what_its_searches_would_from_nothing() -> None:
-    first = Counts(candidates=100, distinct=40, cached=10, seconds=30.0, seconds_saved=10.0)
-    second = Counts(candidates=60, distinct=60, cached=0, seconds=60.0)
-    both = method_cost("both stages", [first, second], images=8)
-    assert both == MethodCost("both stages", 100, 800, 100.0)
+def test_a_method_is_set_beside_the_sources_trainings() -> None:
+    both = MethodCost("both stages", 100, 800, 100.0)
     found = overhead_table([both], {"a": 1500.0, "b": 500.0})
     assert found.loc["both stages", "overhead [%]"] == pytest.approx(5.0)
     assert found.loc["fine-tuning the sources", "wall seconds"] == 2000.0
     assert pd.isna(found.loc["fine-tuning the sources", "evaluations"])
-    with pytest.raises(InputError, match="found 0 images"):
-        method_cost("x", first, 0)
     with pytest.raises(InputError, match="expected positive seconds"):
         overhead_table([both], {})
 

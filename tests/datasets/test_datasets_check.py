@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sfkit.datasets import Sample, check_benchmark, check_data, memory_benchmark, open_benchmark
+from sfkit.datasets import Sample, check_data, open_benchmark
 from sfkit.datasets.check_sample import problems, warnings
 from sfkit.errors import InputError
 
@@ -138,19 +138,6 @@ def test_wrong_arguments_are_errors(tmp_path: Path) -> None:
         check_data("eth4d", tmp_path)
     with pytest.raises(InputError, match="found no such folder"):
         check_data("eth3d", tmp_path / "absent")
-
-
-def test_open_benchmark_is_checked_with_its_protocol(sample: Sample) -> None:
-    bare = replace(sample, nonoccluded=None)
-    benchmark = memory_benchmark("rendered", [bare], family="eth3d", protocol="openstereo")
-    report = check_benchmark(benchmark)
-    assert "counts visible pixels only" in report.problems[0]
-    assert check_benchmark(benchmark.measured_by(protocol="raft")).ok
-    assert (
-        check_benchmark(memory_benchmark("rendered", [sample]))
-        .to_text()
-        .startswith("rendered: found 1 pairs")
-    )
 
 
 def test_a_table_with_absent_files_is_a_problem(eth3d_root: Path) -> None:

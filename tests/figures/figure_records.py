@@ -30,7 +30,6 @@ from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory, summarise
 from sfkit.analysis.growth import PopulationSizes
-from sfkit.analysis.overfit import LearningCurve
 from sfkit.analysis.predictions import Predictions, calibration
 from sfkit.analysis.ranking import Ranking, agreement
 from sfkit.analysis.routings import RoutingTrace
@@ -129,16 +128,6 @@ def comparison() -> NetworkComparison:
         one = Difference(name, "merged", ("test",), (12,), "%", value, interval, reason="one image")
         rows.append(ComparedNetwork(name, (10.0 + value,), math.nan, 10.0 + value, unseen_difference=one))
     return NetworkComparison("merged", (), tuple(rows), "%")
-
-
-def curve(along: str = "pairs") -> LearningCurve:
-    unseen = np.array([[0.5, -0.5, -1.0], [0.1, math.nan, -0.4]])
-    validation = np.array([[-3.0, -1.5, -1.0], [-1.0, math.nan, math.nan]])
-    runs = np.array([[3, 3, 1], [2, 0, 1]])
-    names = ("plain", "<b>guarded</b>")
-    return LearningCurve(
-        along, names, (2, 5, 10), unseen, unseen - 0.2, unseen + 0.3, validation, runs, "bad-3.0"
-    )
 
 
 def panels(height: int = 20, width: int = 40) -> DisparityPanels:
@@ -290,8 +279,6 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "predictions": lambda theme: figures.predictions_figure(told(), theme=theme),
     "calibration": lambda theme: figures.calibration_figure(calibration(told()), theme=theme),
     "scores": lambda theme: figures.scores_figure(grid(), theme=theme),
-    "learning by pairs": lambda theme: figures.learning_figure(curve(), theme=theme),
-    "learning by evaluations": lambda theme: figures.learning_figure(curve("evaluations"), theme=theme),
     "cost": lambda theme: figures.cost_figure(costs(), theme=theme),
     "advantage": lambda theme: figures.advantage_figure(versus(), theme=theme),
     "disparity": lambda theme: figures.disparity_figure(panels(), theme=theme),

@@ -16,7 +16,7 @@ from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.recipe import Recipe
 from sfkit.search import Journal, RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 from sfkit.search.run_folder import OUTPUTS, STORE, run_folder
-from sfkit.search.runs import State, compare_runs, find_runs, read_run, run_table
+from sfkit.search.runs import State, find_runs, read_run, run_differences, run_table
 
 NAMES, BLOCKS = ("a", "b", "c"), ("x",)
 
@@ -71,10 +71,10 @@ def test_the_list_has_a_row_a_stage(tmp_path: Path) -> None:
 def test_a_difference_in_settings_is_shown(tmp_path: Path) -> None:
     run(tmp_path / "one", seed=1)
     run(tmp_path / "two", seed=2)
-    table = compare_runs(read_run(tmp_path / "one"), read_run(tmp_path / "two"))
-    row = table.loc[("Stage 1", "settings.seed")]
-    assert list(row) == ["1", "2", True]
-    assert ("Stage 1", "settings.population") not in table.index, "equal settings are left out"
+    heads, rows = run_differences(read_run(tmp_path / "one"), read_run(tmp_path / "two"))
+    assert heads == ["stage", "what", str(tmp_path / "one"), str(tmp_path / "two"), "differs"]
+    assert ("Stage 1", "settings.seed", "1", "2", True) in rows
+    assert "settings.population" not in {row[1] for row in rows}, "equal settings are left out"
 
 
 def test_refusals(tmp_path: Path) -> None:
@@ -82,7 +82,7 @@ def test_refusals(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="did you mean 'garage'"):
         read_run(tmp_path / "garag")
     with pytest.raises(InputError, match="named twice"):
-        compare_runs(read_run(tmp_path / "garage"), read_run(tmp_path / "garage"))
+        run_differences(read_run(tmp_path / "garage"), read_run(tmp_path / "garage"))
     with pytest.raises(InputError, match="no such folder"):
         find_runs(tmp_path / "none")
 

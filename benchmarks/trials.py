@@ -126,3 +126,10 @@ def _scores(recipe: Recipe, equal: Recipe, judges: Mapping[str, Evaluator]) -> d
         ours, theirs = judge([recipe, equal])
         scores |= {name: ours.score, f"{name}:equal": theirs.score}
     return scores
+
+
+def with_changes(table: pd.DataFrame, judges: Sequence[str]) -> pd.DataFrame:
+    """The table with ``change`` on all validation pairs, and ``unseen``, the mean change over judges."""
+    after = table[list(judges)].mean(axis=1, skipna=False)
+    before = table[[f"{judge}:equal" for judge in judges]].mean(axis=1, skipna=False)
+    return table.assign(change=table["validation"] - table["equal"], unseen=after - before)
