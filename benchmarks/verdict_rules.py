@@ -29,7 +29,7 @@ from stages import both
 
 import sfkit
 from sfkit.analysis.measured import Measured, measure_with
-from sfkit.analysis.verdict import estimate_between, simplicity
+from sfkit.analysis.verdict import estimate_between, shown_worse, simplicity
 from sfkit.bank import VALIDATION, benchmark, benchmarks
 from sfkit.bank.plan import bank_plan
 from sfkit.evaluation.metrics import ImageErrors
@@ -49,6 +49,7 @@ RULES = {
     "1 SE": "simplest within one standard error",
     "2 SE": "simplest within two standard errors",
     "bagged": "bootstrap-averaged winner",
+    "guarded": "bootstrap-averaged winner, unless validation shows it worse than the best",
     "vote": "most frequent bootstrap winner",
 }
 STAGE1, ROUTED = "Stage 1", "Stage 1+2"
@@ -112,7 +113,8 @@ def judged(
     choices, bagged = chosen(named, searched, validation, seed)
     names = {**named, "bagged": bagged}
     tests = measure_with(judges, {name: names[name] for name in {*choices.values(), STAGE1, ROUTED}})
-    guided = pooled(measure_with(guides, {"bagged": bagged}))
+    beside = pooled(measure_with(guides, {"bagged": bagged, "best": names[choices["best"]]}))
+    choices["guarded"] = choices["best"] if shown_worse([beside], "bagged", "best") else "bagged"
     rows = []
     for rule, name in choices.items():
         rows.append(
@@ -123,7 +125,7 @@ def judged(
                 "seed": seed,
                 "pairs": len(validation.ids),
                 "subset": "+".join(best1.subset),
-                "validation": (guided if name == "bagged" else validation).score(name),
+                "validation": (beside if name == "bagged" else validation).score(name),
                 "validation:stage1": validation.score(STAGE1),
                 "unseen": mean(tests, name),
                 "unseen:stage1": mean(tests, STAGE1),

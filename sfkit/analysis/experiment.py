@@ -80,6 +80,8 @@ class Experiment:
         generations: T_1 of Stage 1.
         evaluations: N_eval of Stage 2.
         seed: of both stages.
+        resamples: of the validation pairs, whose winners a study averages
+            (:mod:`sfkit.search.averaging`); 0 leaves that out.
         compute: where and how networks run.
     """
 
@@ -94,6 +96,7 @@ class Experiment:
     seed: int = 0
     compute: Compute = HERE
     own_metrics: bool = False
+    resamples: int = 0
     _evaluators: dict[tuple[Any, ...], Evaluator] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
-from sfkit.analysis.study_runs import costs_of
+from sfkit.analysis.study_runs import AVERAGE, costs_of
 from sfkit.analysis.tables import source_table
 from sfkit.analysis.verdict import Verdict
 from sfkit.baselines import BaselineResult, BaselineRun
@@ -83,10 +83,11 @@ class Study:
     @property
     def seed(self) -> int:
         """The seed of :attr:`pictured`; of the best run of the two stages where its method has none."""
-        seeded = [name for name, one in self.runs.items() if one.name in STAGES]
+        seeded = [name for name, one in self.runs.items() if one.name in (*STAGES, AVERAGE)]
         # Each method's runs stand in the order of the seeds, one method after the other.
         of = {name: self.seeds[place % len(self.seeds)] for place, name in enumerate(seeded)}
-        best = min(seeded, key=lambda name: self.runs[name].score, default="")
+        staged = [name for name in seeded if self.runs[name].name in STAGES]
+        best = min(staged, key=lambda name: self.runs[name].score, default="")
         return of.get(self.pictured, of.get(best, self.seeds[0]))
 
     @property

@@ -9,7 +9,9 @@ from typing import Any
 from sfkit.analysis.costs import MethodCost
 from sfkit.baselines import BaselineResult
 
-AGAIN = ("random_subsets", "stage1", "stage1_2")
+AVERAGE = "averaged"
+"""The method whose network the verdict prefers, where it was run."""
+AGAIN = ("random_subsets", "stage1", "stage1_2", AVERAGE)
 """Methods that are run once a seed."""
 DRAWING = ("dare", "dare_ties")
 """Methods that draw several networks in one run."""

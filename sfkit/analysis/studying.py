@@ -10,13 +10,14 @@ from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.study import BASE, UNIFORM, LineCallback, Study
-from sfkit.analysis.study_runs import AGAIN, costs_of, with_draws
+from sfkit.analysis.study_runs import AGAIN, AVERAGE, costs_of, with_draws
 from sfkit.analysis.verdict import Verdict, verdict
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
+from sfkit.search.averaging import check_averaging
 
 
 def study(
@@ -34,20 +35,28 @@ def study(
         experiment: pool, benchmarks, store and budgets.
         seeds: how often every method that draws is run: both stages and random subsets with so many seeds,
             from the experiment's on; DARE and DARE + TIES with so many draws.
-        methods: names as :func:`~sfkit.baselines.baselines` lists them; all usual ones unless given.
+        methods: names as :func:`~sfkit.baselines.baselines` lists them; all usual ones unless given. With
+            the experiment's ``resamples`` the averaged winner comes last.
         reference: the method that others are compared with, by its name; the last one unless given.
         settings: method name -> settings of its own.
         progress: hears a line when a method begins.
 
     Raises:
-        InputError: no seed, an unknown method, or a reference that was not run.
+        InputError: no seed, an unknown method, a reference that was not run, or ``resamples`` of one pair.
     """
     if seeds < 1:
         raise InputError(f"seeds: found {seeds}, expected at least 1")
     used = tuple(experiment.seed + number for number in range(seeds))
     tests = [experiment.scorer(one, experiment.metric_of(one)) for one in experiment.columns]
     settings = with_draws(settings or {}, seeds)
+    if experiment.resamples:
+        check_averaging(experiment.scorer())
+        settings[AVERAGE] = {"resamples": experiment.resamples, **settings.get(AVERAGE, {})}
+        methods = None if methods is None else [name for name in methods if name != AVERAGE]
     run = _run(experiment, used[0], methods, tests, settings, progress)
+    if experiment.resamples:
+        last = _run(experiment, used[0], [AVERAGE], (), settings, progress)
+        run = replace(run, results={**run.results, **last.results})
     runs = _seeded(experiment, run, used, settings, progress)
     progress("every network on every benchmark")
     measured = experiment.measured(_networks(experiment.pool, runs))
@@ -143,9 +152,11 @@ def _verdict(
     guide = experiment.validation
     guides = [replace(one, metric=guide.metric) for one in measured if one.benchmark == guide.name]
     spent = {cost.method: cost.evaluations for cost in costs_of(runs)}
+    averages = [name for name, result in able.items() if result.name == AVERAGE]
     return verdict(
         {name: result.recipe for name, result in able.items()},
         guides,
         [one for one in measured if not one.validation],
         evaluations={name: spent[result.label] for name, result in able.items()},
+        averaged=min(averages, key=lambda name: able[name].score, default=None),
     )

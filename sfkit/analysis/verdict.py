@@ -3,7 +3,8 @@
 The rule, one for every result of sfkit:
 
 1. Recommended is the average of what wins resamples of the validation pairs, where the search made it
-   (``resamples``, :mod:`sfkit.search.averaging`), else the network that scores lowest on validation.
+   (``resamples``, :mod:`sfkit.search.averaging`) and validation does not show it worse than the network that
+   scores lowest there (its interval leaves 0 out); else the latter.
 2. Beside it stands the *simplest* network within one standard error of it there (the one-standard-error
    rule of Breiman et al., 1984): a source alone is simpler than equal weights, equal weights of fewer
    sources are simpler than of more, and both are simpler than a routing.
@@ -23,7 +24,7 @@ wherever a search was asked for it. ``benchmarks/verdict_rules.py`` goes on with
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from sfkit.analysis.intervals import FEWEST_IMAGES, PairedEstimate, holm, paired_estimate
 from sfkit.analysis.measured import Measured
@@ -33,7 +34,7 @@ from sfkit.analysis.verdict_words import with_reason
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe
 
-__all__ = ["Against", "Support", "Verdict", "estimate_between", "simplicity", "verdict"]
+__all__ = ["Against", "Support", "Verdict", "estimate_between", "shown_worse", "simplicity", "verdict"]
 
 
 def simplicity(recipe: Recipe) -> tuple[int, int]:
@@ -82,8 +83,10 @@ def verdict(
         raise InputError("verdict: found no network with a finite validation score, expected at least one")
     rungs = {name: simplicity(recipes[name]) for name in able}
     lowest = min(able, key=lambda name: (able[name], rungs[name]))
-    preferred = averaged if averaged is not None and averaged in able else lowest
-    compared = _compare(preferred, lowest, rungs, validation, tests)
+    average = averaged if averaged in able else None
+    worse = average is not None and shown_worse(validation, average, lowest)
+    preferred = lowest if average is None or worse else average
+    compared = _compare(preferred, {lowest, average}, rungs, validation, tests)
     close = [one.simpler for one in compared if not one.told_apart and rungs[one.simpler] < rungs[preferred]]
     simplest = min(close, key=lambda name: (rungs[name], able[name])) if close else None
     better = [one.simpler for one in compared if one.refuted]
@@ -106,7 +109,8 @@ def verdict(
         (),
         lowest,
         able[lowest],
-        averaged=preferred == averaged,
+        averaged=preferred == average,
+        passed_over=average if worse else None,
     )
     clear = all(one.clear for one in compared if rungs[one.simpler] < rungs[preferred])
     return with_reason(found, unlike, evaluations or {}, clear)
@@ -129,16 +133,22 @@ def estimate_between(measured: Sequence[Measured], network: str, reference: str)
     )
 
 
+def shown_worse(measured: Sequence[Measured], network: str, reference: str) -> bool:
+    """Whether the 95 % interval of a network's difference to a reference lies above 0."""
+    found = estimate_between(measured, network, reference)
+    return found is not None and found.interval()[0] > 0.0
+
+
 def _compare(
     preferred: str,
-    lowest: str,
+    always: Container[str | None],
     rungs: Mapping[str, tuple[int, int]],
     validation: Sequence[Measured],
     tests: Sequence[Measured],
 ) -> tuple[Against, ...]:
     own = rungs[preferred]
     others = [name for name in rungs if name != preferred]
-    simpler = [n for n in others if rungs[n] < own or rungs[n][0] > own[0] or n == lowest]
+    simpler = [n for n in others if rungs[n] < own or rungs[n][0] > own[0] or n in always]
     seen = [estimate_between(tests, preferred, name) for name in simpler]
     enough = bool(tests) and min(len(one.ids) for one in tests) >= FEWEST_IMAGES
     p_values = holm([one.p if one is not None and enough else math.nan for one in seen])

@@ -68,7 +68,8 @@ class Verdict:
         simplest: the simplest network that validation cannot tell from ``preferred``; None where it tells
             ``preferred`` from every simpler one.
         support: what the tests say.
-        compared: ``preferred`` beside every simpler network, and those of a less simple kind.
+        compared: ``preferred`` beside every simpler network, those of a less simple kind, what scores lowest
+            and the averaged winner.
         candidates: among how many networks validation chose.
         validation: its benchmarks' names.
         pairs: how many pairs these have.
@@ -79,6 +80,7 @@ class Verdict:
         lowest: the network that scores lowest on validation.
         lowest_score: its score there.
         averaged: whether ``preferred`` is the averaged winner.
+        passed_over: the averaged winner, where validation shows it worse than ``lowest``; else None.
     """
 
     recommended: str
@@ -96,6 +98,7 @@ class Verdict:
     lowest: str
     lowest_score: float
     averaged: bool = False
+    passed_over: str | None = None
 
     @property
     def sentence(self) -> str:

@@ -56,7 +56,8 @@ def _first(found: Verdict) -> list[str]:
     if found.averaged:
         return _average(found, guide)
     among = f", chosen among {found.candidates} networks there" if found.candidates > 1 else ""
-    return [f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}{among}."]
+    said = [f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}{among}."]
+    return [*said, *_passed_over(found)]
 
 
 def _average(found: Verdict, guide: str) -> list[str]:
@@ -69,6 +70,17 @@ def _average(found: Verdict, guide: str) -> list[str]:
         return [f"{said} It also scores lowest there, among {found.candidates} networks."]
     lowest = f"{found.lowest} scores lowest there ({score_text(found.metric, found.lowest_score)})"
     return [said, f"{lowest}, but what is best on few pairs need not be best elsewhere (docs/results.md)."]
+
+
+def _passed_over(found: Verdict) -> list[str]:
+    """Why the averaged winner is not taken, where there is one and it is not."""
+    against = None if found.passed_over is None else found.against(found.passed_over).validation
+    if against is None:
+        return []
+    return [
+        f"{found.passed_over}, the average of what wins resamples of these pairs, is passed over: validation "
+        f"shows {found.lowest} better ({_difference(against, found.metric)})."
+    ]
 
 
 def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:

@@ -24,7 +24,7 @@ from sfkit.baselines.registry import (
 )
 from sfkit.baselines.running import BaselineRun, baseline_table, run_baselines, score_baselines
 from sfkit.baselines.soups import greedy_soup, greedy_soup_strict
-from sfkit.baselines.subsets import exhaustive, random_subsets, stage1, stage1_2
+from sfkit.baselines.subsets import averaged, exhaustive, random_subsets, stage1, stage1_2
 from sfkit.baselines.trials import Trials
 
 arrange(  # how tables list them
@@ -44,6 +44,7 @@ arrange(  # how tables list them
     exhaustive,
     stage1,
     stage1_2,
+    averaged,
 )
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "Trials",
     "adamerging",
     "adamerging_blocks",
+    "averaged",
     "baseline",
     "baseline_named",
     "baseline_table",

@@ -23,6 +23,7 @@ STRATEGIES: dict[str, tuple[str, str, str]] = {
     "exhaustive": ("all subsets tried", "equal (1/k)", "global"),
     "stage1": ("genetic algorithm", "equal (1/k)", "global"),
     "stage1_2": ("genetic algorithm", "CMA-ES", "block"),
+    "averaged": ("genetic algorithm", "mean of bootstrap winners", "block"),
 }
 """Method -> selection, weights, granularity; methods that others register are not known here."""
 

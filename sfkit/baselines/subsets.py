@@ -1,13 +1,22 @@
-"""Subsets merged with equal weights: at random, all of them, and by Stage 1; then Stage 2 on top."""
+"""Subsets with equal weights: at random, all of them, by Stage 1; then Stage 2; then the averaged winner."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations
 
 from sfkit.baselines.registry import Choice, baseline
 from sfkit.baselines.trials import Trials, best_of
 from sfkit.errors import InputError
-from sfkit.search import RoutingSearch, RoutingSettings, SubsetCandidate, SubsetSearch, SubsetSettings
+from sfkit.search import (
+    RoutingCandidate,
+    RoutingSearch,
+    RoutingSettings,
+    SubsetCandidate,
+    SubsetSearch,
+    SubsetSettings,
+)
+from sfkit.search.averaging import AVERAGED, averaged_winner, check_averaging
 from sfkit.streams import Stream, generator
 
 MOST = 4096
@@ -63,7 +72,7 @@ def exhaustive(trials: Trials, *, most: int = MOST) -> Choice:
 @baseline("stage1", label="Stage 1", paper=f"{STEREOFACTORY}, Algorithm 1")
 def stage1(trials: Trials, *, population: int = 50, generations: int = 15, seed: int = 0) -> Choice:
     """The genetic algorithm over subsets, merged with equal weights."""
-    best = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
+    _, best = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
     return Choice(best.recipe, settings={"subset": best.subset})
 
 
@@ -72,19 +81,49 @@ def stage1_2(
     trials: Trials, *, population: int = 50, generations: int = 15, evaluations: int = 300, seed: int = 0
 ) -> Choice:
     """Stage 1, then CMA-ES over routing weights and module scales; its evaluations are those of both."""
-    first = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
-    settings = RoutingSettings(evaluations=evaluations, seed=seed)
-    search = RoutingSearch(first.subset, trials.pool.blocks, trials.validation, settings)
-    best = search.run()
-    trials.adopt(search.history.assign(stage="Stage 2"), [c.outcome for c in search.candidates])
+    _, first = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
+    _, best = _stage2(trials, first.subset, RoutingSettings(evaluations=evaluations, seed=seed))
     return Choice(best.recipe, settings={"subset": first.subset})
 
 
-def _stage1(trials: Trials, settings: SubsetSettings) -> SubsetCandidate:
+@baseline("averaged", label=AVERAGED, paper="Breiman, Machine Learning 1996", on_request=True)
+def averaged(
+    trials: Trials,
+    *,
+    population: int = 50,
+    generations: int = 15,
+    evaluations: int = 300,
+    resamples: int = 200,
+    seed: int = 0,
+) -> Choice:
+    """Both stages, then the average of what wins resamples of the validation pairs: one evaluation more.
+
+    Raises:
+        InputError: as :func:`~sfkit.search.averaging.averaged_winner`, before either stage begins.
+    """
+    check_averaging(trials.validation)
+    settings = SubsetSettings(population=population, generations=generations, seed=seed)
+    which, best = _stage1(trials, settings)
+    how, _ = _stage2(trials, best.subset, RoutingSettings(evaluations=evaluations, seed=seed))
+    found = averaged_winner([which, how], trials.validation, resamples, seed=seed)
+    trials.score([found.recipe], [{"stage": "average"}])
+    return Choice(found.recipe, settings={"winners": len(found.wins)})
+
+
+def _stage1(trials: Trials, settings: SubsetSettings) -> tuple[SubsetSearch, SubsetCandidate]:
     search = SubsetSearch(trials.pool.names, trials.pool.blocks, trials.validation, settings)
     best = search.run()
     trials.adopt(search.history.assign(stage="Stage 1"), [c.outcome for c in search.candidates])
-    return best
+    return search, best
+
+
+def _stage2(
+    trials: Trials, subset: Sequence[str], settings: RoutingSettings
+) -> tuple[RoutingSearch, RoutingCandidate]:
+    search = RoutingSearch(subset, trials.pool.blocks, trials.validation, settings)
+    best = search.run()
+    trials.adopt(search.history.assign(stage="Stage 2"), [c.outcome for c in search.candidates])
+    return search, best
 
 
 def _best(trials: Trials, subsets: list[tuple[str, ...]]) -> Choice:

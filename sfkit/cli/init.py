@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -38,7 +39,8 @@ def init(
         + ("" if base else "(guessed; --base FILE says another)"),
         *(f"  {path.name}: cosine to the base {found.cosines[path]:.3f}" for path in found.sources),
         *(f"  left out {why}" for why in found.skipped.values()),
-        f"fill in the licences; sfkit check {folder} says whether the network is called rightly",
+        f"fill in the licences; sfkit check {shlex.quote(str(folder))} says whether the network is called "
+        "rightly",
     ]
     document = {
         "pool": str(target),

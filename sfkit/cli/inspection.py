@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -116,7 +117,7 @@ def _folder(folder: Path) -> Description:
         f"  {found.base.name}: the base, for all others are near it",
         *members,
         *(f"  left out: {why}" for why in found.skipped.values()),
-        f"  sfkit init {folder} writes its pool.toml",
+        f"  sfkit init {shlex.quote(str(folder))} writes its pool.toml",
     ]
     return Description(document, "\n".join(lines))
 

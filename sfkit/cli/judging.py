@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sfkit.analysis.search_verdict import SearchVerdict, search_verdict
 from sfkit.cli.terminal import Bars, say
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.merging import Pool
+from sfkit.merging import Pool, Recipe
 from sfkit.search.averaging import AVERAGED
 from sfkit.search.pipeline import SearchResult
 from sfkit.search.run_folder import BEST
@@ -47,18 +48,21 @@ class Judge:
     def lines(self, found: SearchResult) -> list[str]:
         """The verdict; and how to get its network where the search wrote another."""
         assert self._verdict is not None
-        lines = [*self._verdict.lines]
-        if self._verdict.recipe != found.recipe:
-            subset = ",".join(self._verdict.recipe.sources)
-            how, what = f"--subset {subset}", "what the search found"
-            if found.recipe != found.best:
-                what = f"the {AVERAGED}"
-                how = f"--recipe {found.folder / BEST}" if self._verdict.recipe == found.best else how
-            lines.append(
-                f"{found.merged} is {what}; for {self._verdict.verdict.recommended}: "
-                f"sfkit merge POOL {how} --out FILE"
-            )
-        return lines
+        recipe, name = self._verdict.recipe, self._verdict.verdict.recommended
+        return [
+            *self._verdict.lines,
+            *([] if recipe == found.recipe else [other_network(found, recipe, name)]),
+        ]
+
+
+def other_network(found: SearchResult, recipe: Recipe, name: str) -> str:
+    """What the written file is, and the command that writes the recommended network; for a POSIX shell."""
+    how, what = f"--subset {shlex.quote(','.join(recipe.sources))}", "what the search found"
+    if found.recipe != found.best:
+        what = f"the {AVERAGED}"
+        if recipe == found.best:
+            how = f"--recipe {shlex.quote(str(found.folder / BEST))}"
+    return f"{found.merged} is {what}; for {name}: sfkit merge POOL {how} --out FILE"
 
 
 def _counts(evaluators: Sequence[Evaluator]) -> dict[str, float]:

@@ -46,5 +46,6 @@ def report_values(factory: Factory) -> dict[str, Any]:
         "population": plan.stage1.population,
         "generations": plan.stage1.generations,
         "evaluations": plan.stage2.evaluations,
+        "resamples": plan.resamples,
         "seed": plan.stage1.seed,
     }

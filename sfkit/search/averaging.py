@@ -9,6 +9,7 @@ rule should a verdict follow?"), and tied winners give it strengths of its own i
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -75,6 +76,11 @@ class Averaged:
     def score(self) -> float:
         """On the validation pairs, in the metric's unit, lower is better."""
         return self.outcome.score
+
+    @property
+    def finite(self) -> bool:
+        """Whether it has a score to be judged by."""
+        return math.isfinite(self.score)
 
     @property
     def table(self) -> pd.DataFrame:

@@ -158,7 +158,7 @@ def _search(
         averaged = averaged_winner(searches, scorer, plan.resamples, seed=plan.seed, journal=journal)
         write_text(folder / WINNERS, averaged.table.to_csv(index=False))
         write_text(folder / BEST, pool.bound(best.recipe).to_json())
-        if not math.isfinite(averaged.score):
+        if not averaged.finite:
             why = averaged.outcome.error or f"found {averaged.score}"
             warnings.warn(
                 f"averaged winner: has no finite score ({why}), the best on validation is taken",

@@ -86,6 +86,24 @@ def test_tests_overrule_the_network_that_validation_prefers(found: Study) -> Non
     assert found.chosen == f"Stage 1, seed {found.seed}"
 
 
+def test_the_averaged_winner_of_each_seed_is_a_method_and_the_verdict_prefers_the_best_of_them(
+    experiment: Experiment,
+) -> None:
+    found = study(experiment.changed(resamples=30), seeds=2, methods=["uniform", "stage1_2"])
+    averaged = [f"averaged winner, seed {n}" for n in (0, 1)]
+    assert [name for name in found.runs if name.startswith("averaged")] == averaged
+    assert found.reference == "averaged winner"
+    assert found.verdict.preferred == min(averaged, key=lambda name: found.runs[name].score)
+    assert found.verdict.averaged
+    costs = {cost.method: cost for cost in found.costs()}
+    more = costs["averaged winner"].evaluations - costs["Stage 1+2"].evaluations
+    assert more == sum(found.runs[name].settings["winners"] > 1 for name in averaged)
+    assert found.experiment.resamples == 30
+    one = experiment.changed(resamples=30, validation=benchmark("lone", (3.1,), metric="epe"))
+    with pytest.raises(InputError, match="resamples: found one validation pair"):
+        study(one, seeds=1)
+
+
 def test_verdicts_follow_the_intervals(found: Study) -> None:
     table = found.differences_table()
     mean = found.table()["mean of the unseen"]

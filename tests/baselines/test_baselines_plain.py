@@ -139,7 +139,7 @@ def test_what_does_not_suit_is_skipped_with_its_reason_unless_it_was_named(
     run = baselines.run_baselines(pool, eights, **small)  # type: ignore[arg-type]
     assert "tests" in run.skipped["single_best_oracle"]
     assert "exhaustive" not in run.results
-    assert set(run.results) | set(run.skipped) | {"exhaustive"} == set(baselines.baselines())
+    assert set(run.results) | set(run.skipped) | {"exhaustive", "averaged"} == set(baselines.baselines())
     with pytest.raises(InputError, match="found no tests"):
         baselines.run_baselines(pool, eights, ["single_best_oracle"])
     with pytest.raises(InputError, match="did you mean 'uniform'"):

@@ -211,7 +211,7 @@ def test_several_guides_a_method_and_what_the_search_costs_at_most(tmp_path: Pat
 
 def test_the_report_is_given_the_factory_s_benchmarks_and_budgets(tmp_path: Path) -> None:
     path = write(tmp_path, "haze", "far-scene")
-    path.write_text(path.read_text().replace("evaluations = 0", "evaluations = 9"))
+    path.write_text(path.read_text().replace("evaluations = 0", "evaluations = 9\nresamples = 25"))
     values = report_values(read_factory(path))
     assert values == {
         "pool": tmp_path / "pool.toml",
@@ -221,6 +221,7 @@ def test_the_report_is_given_the_factory_s_benchmarks_and_budgets(tmp_path: Path
         "population": 4,
         "generations": 1,
         "evaluations": 9,
+        "resamples": 25,
         "seed": 0,
     }
     book = Path(__file__).parents[2] / "notebooks" / "report.ipynb"
