@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from sfkit.bank.exhaustive import SubsetScores
+from exhaustive import SubsetScores
+
 from sfkit.search.operators import SubsetSpace
 
 

@@ -23,11 +23,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from bayesian import grown, in_batches, newcomers, run
+from exhaustive import subset_scores
 from kept import RUNS, Job, KeptRuns
 from landscapes import Landscape
 from search import Search, searches
-
-from sfkit.bank.exhaustive import subset_scores
 
 LANDSCAPES = (20, 8)
 """Validation pairs; the table has the scores on the first 8 as quick ones."""

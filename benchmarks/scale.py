@@ -21,11 +21,11 @@ from functools import cache
 
 import numpy as np
 import torch
+from exhaustive import subset_scores
 from search import Landscape, genetic
 from stages import answered
 
 from sfkit import Evaluator, bank, open_pool
-from sfkit.bank.exhaustive import subset_scores
 from sfkit.evaluation.engines.schedule import Board
 from sfkit.search import SubsetSettings
 

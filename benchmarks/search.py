@@ -2,7 +2,7 @@
 
     python benchmarks/search.py [--seeds 200] [--json]
 
-All 2047 subsets of the embedded bank are scored (``sfkit.bank.exhaustive``), so no network runs: an
+All 2047 subsets of the embedded bank are scored (``exhaustive.py``), so no network runs: an
 evaluation is a look into that table, and only distinct ones count, as in the evaluation store. Regret is the
 best score found so far minus the best of all subsets of two or more, in percentage points of bad-3.0.
 pymoo and DEAP take part where they are installed (``make bench``).
@@ -16,10 +16,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from exhaustive import subset_scores
 from landscapes import Landscape
 from stages import answered
 
-from sfkit.bank.exhaustive import subset_scores
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe
 from sfkit.search import SubsetSearch, SubsetSettings

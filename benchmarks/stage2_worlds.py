@@ -15,10 +15,10 @@ from pathlib import Path
 
 import evidence_real
 import numpy as np
+from exhaustive import evaluated
 
 import sfkit
 from sfkit.bank import VALIDATION, benchmark
-from sfkit.bank.exhaustive import evaluated
 from sfkit.datasets import Benchmark, Sample
 from sfkit.datasets.benchmark import memory_benchmark
 from sfkit.evaluation.known import Known

@@ -79,7 +79,7 @@ BUILD = """\
 - This bank in the first one's place: demo, notebooks, recorded results and tests still stand on `bank`, and
   `sfkit.factory` and the report know only that collection by name. A pair costs this network about 1.4 times
   what it costs the first bank's, so the demo's quick benchmark or budget has to shrink.
-- The table of all subsets: `python -m sfkit.bank.exhaustive --bank bank-sharp`.
+- The table of all subsets: `python benchmarks/exhaustive.py --bank bank-sharp`.
 
 ## How to build it
 

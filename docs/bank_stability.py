@@ -6,14 +6,17 @@ Run ``python docs/bank_stability.py --bank bank-sharp`` in a checkout; ``--store
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
 import numpy as np
 import pandas as pd
+from exhaustive import evaluated
 
 from sfkit.analysis.trust import stability
-from sfkit.bank.exhaustive import evaluated
 from sfkit.bank.plan import bank_plan
 from sfkit.bank.rendered import benchmark, benchmarks
 from sfkit.evaluation import EvaluationStore, Evaluator

@@ -31,7 +31,7 @@ def file_of(name: str) -> Path:
 def test_it_is_complete_and_all_banks_together_are_small() -> None:
     networks = {file_of(name).name for name in NETWORKS}
     files = {path.name for path in DATA.iterdir()}
-    assert files - {"subsets.csv"} == networks | {"pool.toml", "trainings.json", "fingerprints.json"}
+    assert files == networks | {"pool.toml", "trainings.json", "fingerprints.json"}
     assert set(TRAININGS) == set(NETWORKS)
     every = [path for plan in BANKS.values() for path in plan.pool_file.parent.iterdir()]
     assert sum(path.stat().st_size for path in every) < 12e6

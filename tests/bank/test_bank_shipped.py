@@ -33,7 +33,7 @@ def network(file: str) -> Any:
 def test_the_bank_is_complete_and_small() -> None:
     files = {path.name for path in DATA.iterdir()}
     networks = {f"{name}.safetensors" for name in ("base", *SOURCES)}
-    assert files == networks | {"pool.toml", "trainings.json", "fingerprints.json", "subsets.csv"}
+    assert files == networks | {"pool.toml", "trainings.json", "fingerprints.json"}
     assert sum((DATA / name).stat().st_size for name in files) < 8e6
 
 

@@ -12,12 +12,10 @@ import pandas as pd
 import pytest
 from benchmark_scripts import imported
 
-from sfkit.bank.exhaustive import SubsetScores
-
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    with imported("bayesian", "optimum", "sections.optimum", "landscapes") as modules:
+    with imported("bayesian", "optimum", "sections.optimum", "landscapes", "exhaustive") as modules:
         yield modules
 
 
@@ -29,7 +27,7 @@ def land(scripts: tuple[ModuleType, ...]) -> object:
     for mask in range(1, 64):
         members = [value for n, value in enumerate(values.values()) if mask >> n & 1]
         scores[mask] = abs(float(np.mean(members)) - 1.0)
-    return scripts[3].Landscape(SubsetScores(tuple(values), scores, scores))
+    return scripts[3].Landscape(scripts[4].SubsetScores(tuple(values), scores, scores))
 
 
 def test_a_batch_counts_evaluations_rounds_and_time(scripts: tuple[ModuleType, ...], land: object) -> None:

@@ -9,12 +9,10 @@ from types import ModuleType
 import pytest
 from benchmark_scripts import imported
 
-from sfkit.bank.exhaustive import SubsetScores, subset_scores
-
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    with imported("search", "scale") as modules:
+    with imported("search", "scale", "exhaustive") as modules:
         yield modules
 
 
@@ -22,7 +20,7 @@ def test_regret_counts_distinct_subsets_and_ignores_single_sources(
     scripts: tuple[ModuleType, ...],
 ) -> None:
     scores = {1: 1.0, 2: 9.0, 3: 5.0, 4: 9.0, 5: 4.0, 6: 8.0, 7: 6.0}
-    land = scripts[0].Landscape(SubsetScores(("a", "b", "c"), scores, scores))
+    land = scripts[0].Landscape(scripts[2].SubsetScores(("a", "b", "c"), scores, scores))
     assert land.best == 4.0
     assert land.regrets([1, 6, 6, 3, 6, 7, 5]) == [math.inf, 4.0, 1.0, 1.0, 0.0]
     assert scripts[0].greedy_soup(land, 0) == [1, 2, 4, 3, 5]
@@ -30,7 +28,7 @@ def test_regret_counts_distinct_subsets_and_ignores_single_sources(
 
 def test_the_benchmark_walks_the_way_of_the_search(scripts: tuple[ModuleType, ...]) -> None:
     search = scripts[0]
-    land = search.Landscape(subset_scores())
+    land = search.Landscape(scripts[2].subset_scores())
     search.check(land)
     row = search.measure("ours", search.genetic(search.SubsetSettings()), land, 2)
     assert row.candidates == 800

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from search_landscapes import BLOCKS, Scorer, every_subset, names, subset_landscape
 
-from sfkit.bank.exhaustive import subset_scores
 from sfkit.errors import InputError
 from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Outcome
@@ -35,22 +34,6 @@ def searched(
     search = BayesianSubsetSearch(names(count), BLOCKS, scorer, settings, **more)  # type: ignore[arg-type]
     search.run()
     return search
-
-
-@pytest.mark.parametrize(("quick", "generations"), [(False, 41), (True, 71)])
-def test_it_finds_the_bank_s_best_subset_in_60_evaluations_or_90(quick: bool, generations: int) -> None:
-    table = subset_scores()
-    scores = table.quick if quick else table.scores
-
-    def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
-        return [Outcome(scores[table.mask(recipe.sources)]) for recipe in recipes]
-
-    best = min(score for mask, score in scores.items() if mask.bit_count() >= 2)
-    for seed in range(2):
-        settings = BayesianSubsetSettings(generations=generations, seed=seed)
-        search = BayesianSubsetSearch(table.names, BLOCKS, scorer, settings)
-        assert search.run().score == best
-        assert search.counts.distinct == 19 + generations
 
 
 @pytest.mark.parametrize("batch", [1, 4])

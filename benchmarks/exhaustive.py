@@ -1,9 +1,9 @@
 """Every subset of the bank's sources, scored once: the landscape that Stage 1 searches, known in full.
 
-The table ships, so that tests and benchmarks compare searches with the true optimum and run no network.
-In a checkout, ``python -m sfkit.bank.exhaustive --out sfkit/bank/data/subsets.csv`` makes it again: 2047
-merges on the first 20 of the validation benchmark's pairs, a quarter of an hour of one core; ``--bank``
-names another bank. It is resumable, since every evaluation goes to the store.
+The table ``subsets-bank.csv`` lies beside this file, so that tests and benchmarks compare searches with the
+true optimum and run no network. ``python benchmarks/exhaustive.py`` makes it again: 2047 merges on the first
+20 of the validation benchmark's pairs, a quarter of an hour of one core; ``--bank`` names another bank. It is
+resumable, since every evaluation goes to the store.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ class SubsetScores:
 
 
 def table_path(name: str = BANK.name) -> Path:
-    """The table that ships with a bank."""
-    return bank.pool_path(name).parent / "subsets.csv"
+    """A bank's table."""
+    return Path(__file__).with_name(f"subsets-{name}.csv")
 
 
 def subset_scores(path: Path | None = None) -> SubsetScores:
-    """The shipped table, or another that :func:`write_scores` wrote for the same bank.
+    """The first bank's table, or another that :func:`write_scores` wrote for the same bank.
 
     Raises:
         InputError: the file is missing or no such table.
@@ -82,7 +82,7 @@ def subset_scores(path: Path | None = None) -> SubsetScores:
     except (OSError, ValueError) as error:
         raise InputError(
             f"{file}: cannot be read as a table of subsets ({error}), make it with "
-            "python -m sfkit.bank.exhaustive"
+            "python benchmarks/exhaustive.py"
         ) from error
     if tuple(header) != HEADER:
         raise InputError(f"{file}: found the columns {header}, expected {list(HEADER)}")
@@ -160,9 +160,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Score all 11 sources and all 2036 subsets of two or more, and write the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--store", type=Path, default=Path("runs/exhaustive.sqlite"))
-    parser.add_argument("--out", type=Path, default=Path("runs/subsets.csv"))
+    parser.add_argument("--out", type=Path, help="of the table; beside this file unless given")
     parser.add_argument("--bank", default=BANK.name, choices=bank.banks())
     options = parser.parse_args(arguments)
+    out = options.out or table_path(options.bank)
     pool = open_pool(bank.pool_path(options.bank))
 
     def say(done: int, total: int) -> None:
@@ -170,8 +171,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"{done} of {total} subsets", file=sys.stderr, flush=True)
 
     with EvaluationStore(options.store) as store:
-        write_scores(score_subsets(pool, range(1, 1 << len(pool.names)), store, say), options.out)
-    print(options.out)
+        write_scores(score_subsets(pool, range(1, 1 << len(pool.names)), store, say), out)
+    print(out)
 
 
 if __name__ == "__main__":
