@@ -21,6 +21,7 @@ import torch
 
 from sfkit import bank
 from sfkit.analysis import SearchVerdict, contenders, judges, search_verdict
+from sfkit.bank.plan import MAIN
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot, score_recipes
 from sfkit.evaluation.compute import HERE, PARAMETERS, Compute
 from sfkit.evaluation.engines.spawned import SAFE_PATH
@@ -105,8 +106,8 @@ def demo(
         InputError: ``out`` holds another search, or one that runs.
     """
     started = time.perf_counter()
-    pool = open_pool(bank.pool_path())
-    validation = bank.benchmark(bank.VALIDATION, quick=True)
+    pool = open_pool(MAIN.pool_file)
+    validation = bank.benchmark(bank.VALIDATION, quick=True, of=MAIN.benchmarks)
     path, plan = out / "evaluations.sqlite", budget.plan(seed)
     prepared = Evaluator(pool, validation, compute=compute)
     with (
@@ -129,7 +130,7 @@ def demo(
         best = _single_best(pool, scorer)
         rows = {"base": recipes["base"], f"single best ({best})": pool.equal(best)}
         rows |= {name: recipes[name] for name in ("uniform", "Stage 1", "Stage 1+2")}
-        benchmarks = [validation, *(bank.benchmark(name) for name in _unseen())]
+        benchmarks = [validation, *(bank.benchmark(name, of=MAIN.benchmarks) for name in _unseen())]
         parts = []
         for number, benchmark in enumerate(benchmarks):
             progress("Test", number, len(benchmarks), benchmark.name)
@@ -180,10 +181,11 @@ def _scored_meanwhile(path: Path, compute: Compute) -> Iterator[dict[str, Future
 
 def _score_members(path: Path, name: str, compute: Compute) -> None:
     """Base, each source and their equal mixture on one benchmark, into the store."""
-    pool = open_pool(bank.pool_path())
+    pool = open_pool(MAIN.pool_file)
     with EvaluationStore(path) as store:
         one = replace(compute, engine="inline", workers=None)  # this is a process beside others already
-        score_recipes(pool, contenders(pool), [bank.benchmark(name)], store=store, compute=one)
+        worlds = [bank.benchmark(name, of=MAIN.benchmarks)]
+        score_recipes(pool, contenders(pool), worlds, store=store, compute=one)
 
 
 class _Steps:
@@ -213,6 +215,7 @@ def _report(out: Path, seed: int, budget: Budget, compute: Compute, progress: St
 
     progress("Report", 0, 1, "")
     values = {
+        "pool": MAIN.name,
         "population": budget.population,
         "generations": budget.generations,
         "evaluations": budget.evaluations,

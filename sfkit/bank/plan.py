@@ -116,6 +116,8 @@ SHARP = BankPlan(
     benchmarks="bank-sharp",
     joint=True,
 )
+MAIN = SHARP
+"""The bank that the demo searches and notebooks open; the first one remains, with what was recorded on it."""
 BANKS = {plan.name: plan for plan in (BANK, SLIM, SHARP)}
 
 

@@ -51,6 +51,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     values = {
         "quick": True,
         "benchmark_pairs": 1,
+        "pool": "bank",
         "report_on": [{"name": "bank:hazy-road", "pairs": 1}],
         "seed": 1,
         "out": folder,

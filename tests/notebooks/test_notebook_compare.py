@@ -29,7 +29,7 @@ BROKEN = {"courtyard-00": 1.2668, "courtyard-01": 7.0909, "courtyard-02": 5.8811
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("compare")
-    report(NOTEBOOK, {"benchmark_pairs": 3, "out": place}, place / "report.html")
+    report(NOTEBOOK, {"pool": "bank", "benchmark_pairs": 3, "out": place}, place / "report.html")
     return place
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "03_routing_inspector.ipynb"
-SMALL = {"benchmark_pairs": 2, "evaluations": 12}
+SMALL = {"pool": "bank", "benchmark_pairs": 2, "evaluations": 12}
 STATE = "application/vnd.jupyter.widget-state+json"
 
 # bad-3.0 in percent on the bank's courtyard, recorded on a CPU: the change on its first pair when a source

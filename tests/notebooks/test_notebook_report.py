@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "report.ipynb"
 PLOTLY = "application/vnd.plotly.v1+json"
 SMALL = {
+    "pool": "bank",
     "benchmark_pairs": 2,
     "report_on": [{"name": "bank:indoor-rooms", "pairs": 2}, {"name": "bank:hazy-road", "pairs": 2}],
     "population": 6,

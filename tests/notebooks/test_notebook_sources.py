@@ -14,6 +14,7 @@ from sfkit.reports import report
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "06_what_each_source_knows.ipynb"
 PLOTLY = "application/vnd.plotly.v1+json"
 SMALL = {
+    "pool": "bank",
     "benchmark_pairs": 2,
     "report_on": ["bank:indoor-rooms"],
     "report_pairs": 5,

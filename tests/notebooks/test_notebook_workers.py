@@ -14,6 +14,7 @@ from sfkit.reports import report
 
 NOTEBOOKS = Path(__file__).parents[2] / "notebooks"
 SMALL: dict[str, Any] = {
+    "pool": "bank",
     "benchmark_pairs": 2,
     "report_on": [{"name": "bank:hazy-road", "pairs": 1}],
     "population": 4,
