@@ -76,9 +76,9 @@ BUILD = """\
 ## What is left
 
 - The joint network, where the table above has none: `sfkit bank build bank-sharp` trains it.
-- This bank in the first one's place: demo, notebooks, recorded results and tests still stand on `bank`, and
-  `sfkit.factory` and the report know only that collection by name. A pair costs this network about 1.4 times
-  what it costs the first bank's, so the demo's quick benchmark or budget has to shrink.
+- Demo, report and the first six notebooks open this bank. Ablations, transfer, the notebook without ground
+  truth, the factory's and most recorded results stay on `bank`, as their tables say. A pair costs this
+  network about 1.3 times what it costs the first bank's.
 - The table of all subsets: `python benchmarks/exhaustive.py --bank bank-sharp`.
 
 ## How to build it

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 import sfkit
 from sfkit.bank import worlds
+from sfkit.bank.plan import MAIN
 from sfkit.datasets import Sample
 from sfkit.merging.saving import read_recipe
 
@@ -42,8 +43,8 @@ def bad(prediction: Map, sample: Sample) -> float:
 
 def main(recipe: Path) -> None:
     """Predict, choose the pair, write the picture and say its scores."""
-    pool = sfkit.open_pool("bank")
-    _, (world, *_) = worlds("bank", None)
+    pool = sfkit.open_pool(MAIN.name)
+    _, (world, *_) = worlds(MAIN.name, None)
     benchmark = sfkit.open_benchmark(str(world)).first(PAIRS)
     samples = [pair.load() for pair in benchmark.pairs]
     inputs = sfkit.Evaluator(pool, benchmark).prepared.inputs

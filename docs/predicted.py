@@ -11,6 +11,7 @@ import cv2
 
 import sfkit
 from sfkit.bank import worlds
+from sfkit.bank.plan import MAIN
 from sfkit.evaluation.prediction import of_right, overview_of
 from sfkit.evaluation.self_check import self_check
 from sfkit.merging.network import LoadedNetwork
@@ -20,8 +21,8 @@ OUT = Path(__file__).parent / "images" / "predicted.webp"
 
 def main() -> None:
     """Predict the first pair of the bank's validation world by all its sources, mixed equally."""
-    pool = sfkit.open_pool("bank")
-    sample = sfkit.open_benchmark(str(worlds("bank", None)[0])).pairs[0].load()
+    pool = sfkit.open_pool(MAIN.name)
+    sample = sfkit.open_benchmark(str(worlds(MAIN.name, None)[0])).pairs[0].load()
     inputs = pool.architecture.inputs(pool.options)
     model = LoadedNetwork(pool.merge(pool.uniform()).network, inputs, pool.architecture.name)
     disparity = sfkit.StereoModel(model)(sample.left, sample.right)

@@ -16,6 +16,7 @@ from sfkit.datasets import Benchmark, Sample
 from sfkit.datasets.synthetic import domains, synthetic_pair, worlds
 from sfkit.datasets.synthetic.domains import HEIGHT, QUICK_PAIRS, VALIDATION, WIDTH
 from sfkit.datasets.synthetic.pairs import SEED
+from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import writing
 from sfkit.merging.cache import default_folder
@@ -93,6 +94,24 @@ def held_out(name: str, pairs: int, *, of: str = BANK.name) -> Benchmark:
     if plan.worlds[0] == sharp.BASE:
         return sharp.held_out(name, _folder(), pairs)
     return _benchmark(name, pairs, "held-out", pairs)
+
+
+def training_set(name: str, pairs: int, *, of: str = BANK.name) -> TrainingSet:
+    """The first ``pairs`` pairs that the source ``name`` of the bank ``of`` learns from.
+
+    Raises:
+        InputError: an unknown domain, or fewer pairs than that.
+    """
+    names = [world.name for world in bank_plan(of).worlds]
+    if name not in names:
+        raise unknown_name("domain of the bank", name, names)
+    if bank_plan(of).worlds[0] != sharp.BASE:
+        drawn = tuple(RenderedPair(name, index, "train") for index in range(pairs))
+        return TrainingSet(f"{of}:{name}", drawn, licence=sharp.LICENCE)
+    whole = sharp.training_set(name, _folder())
+    if pairs > len(whole.pairs):
+        raise InputError(f"{of}:{name}: found pairs = {pairs}, expected at most {len(whole.pairs)}")
+    return TrainingSet(f"{of}:{name}", whole.pairs[:pairs], licence=whole.licence)
 
 
 def _benchmark(name: str, pairs: int, split: str, expected: int) -> Benchmark:

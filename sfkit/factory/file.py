@@ -45,11 +45,11 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.architectures.registry import entry_for
-from sfkit.bank.rendered import RenderedPair
+from sfkit.bank.plan import banks
+from sfkit.bank.rendered import training_set as rendered
 from sfkit.checkpoints.spec import ROWS, SOURCE_NAME
 from sfkit.datasets.benchmark import open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.datasets.synthetic import domains
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.datasets.training_sets import open_training_set
 from sfkit.errors import InputError, unknown_name
@@ -218,12 +218,8 @@ def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, An
 def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
     name = text(entry.get("data", ""), f"{where}: data")
     collection, colon, domain = name.partition(":")
-    if collection == "bank" and colon:
-        if domain not in domains():
-            raise unknown_name("domain of the bank", domain, domains())
-        count = _whole(entry.get("pairs", 160), f"{where}: pairs", least=1)
-        pairs = tuple(RenderedPair(domain, index, "train") for index in range(count))
-        return TrainingSet(name, pairs, licence="Apache-2.0")
+    if colon and collection in banks():
+        return rendered(domain, _whole(entry.get("pairs", 160), f"{where}: pairs", least=1), of=collection)
     if "root" not in entry:
         raise InputError(f"{where}: the key root is missing, expected the folder of {name!r}")
     root = path.parent / home(text(entry["root"], f"{where}: root"))

@@ -13,6 +13,7 @@ from safetensors.torch import load_file
 from typer.testing import CliRunner
 
 import sfkit
+from sfkit.bank import sharp
 from sfkit.bank.rendered import RenderedPair
 from sfkit.cli.app import app
 from sfkit.datasets.training_set import TrainingSet
@@ -20,6 +21,7 @@ from sfkit.errors import SfkitWarning
 from sfkit.factory import most_evaluations, read_factory, report_values, run, status, train_missing
 from sfkit.factory.run import warn_of_seen_pairs
 from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
+from sfkit.merging.cache import default_folder
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook
 from sfkit.training.finetune import finetune
@@ -125,6 +127,11 @@ def test_a_source_that_was_begun_goes_on_where_it_was(tmp_path: Path) -> None:
             'data = "bank:hase"',
             "unknown domain of the bank 'hase'.*did you mean 'haze'",
         ),
+        (
+            'data = "bank:haze"\npairs = 2',
+            'data = "bank-sharp:haze"\npairs = 401',
+            "pairs = 401, expected at most 400",
+        ),
         ('data = "bank:haze"', 'data = "sintel"', "the key root is missing, expected the folder of 'sintel'"),
         ('"bank:grey-workshop"', '"bank:courtyard"', "courtyard is validation and test"),
         ("batch = 2", "bach = 2", "unknown key of .* 'bach'"),
@@ -153,6 +160,12 @@ def test_pairs_of_the_bank_are_training_pairs(tmp_path: Path) -> None:
         RenderedPair("haze", 0, "train"),
         RenderedPair("haze", 1, "train"),
     )
+    path = write(tmp_path, "haze")
+    path.write_text(path.read_text().replace('"bank:haze"', '"bank-sharp:haze"'))
+    (order,) = read_factory(path).orders
+    whole = sharp.training_set("haze", default_folder() / "rendered")
+    assert order.data.name == "bank-sharp:haze"
+    assert order.data.pairs == whole.pairs[:2]
 
 
 def test_two_devices_train_what_one_trains_and_one_failure_keeps_the_others(

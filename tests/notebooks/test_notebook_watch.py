@@ -18,7 +18,14 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 NOTEBOOK = Path(__file__).parents[2] / "notebooks" / "02_watch_a_search.ipynb"
-SMALL = {"pool": "bank", "benchmark_pairs": 2, "population": 6, "generations": 2, "evaluations": 12, "seed": 1}
+SMALL = {
+    "pool": "bank",
+    "benchmark_pairs": 2,
+    "population": 6,
+    "generations": 2,
+    "evaluations": 12,
+    "seed": 1,
+}
 STATE = "application/vnd.jupyter.widget-state+json"
 
 # bad-3.0 in percent on two pairs of the bank's courtyard, recorded on a CPU.
