@@ -263,9 +263,10 @@ def declared(name: str) -> object | None:
     for entry in entry_points(group=GROUP, name=name):
         try:
             return entry.load()  # type: ignore[no-any-return]
-        except (ImportError, AttributeError) as error:
+        except Exception as error:  # whatever another's code raises
+            reason = str(error).partition("\n")[0] or type(error).__name__
             raise InputError(
-                f"architecture {name!r}: its package cannot be imported ({error}; entry point {entry.value})"
+                f"architecture {name!r}: its package cannot be imported ({reason}; entry point {entry.value})"
             ) from error
     return None
 

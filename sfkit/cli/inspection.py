@@ -94,9 +94,7 @@ def _architectures(path: Path, tensors: Mapping[str, StoredTensor], origin: Orig
         return [known]
     from sfkit.merging.recognition import recognised
 
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SfkitWarning)
-        return list(recognised(path))
+    return list(recognised(path))
 
 
 def _folder(folder: Path) -> Description:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,12 @@ _JPEG = b"\xff\xd8\xff"
 _SCAN, _END = 0xDA, 0xD9  # markers after 0xFF
 _FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # say which colours there are
 _MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # in a scan, others are data and restarts
-# In libjpeg's warnings; bytes before a restart are left over where some before them are gone.
-_LOSSES = re.compile("[Pp]remature end|bad (Huffman|arithmetic) code|instead of RST|before marker 0xd[0-7]")
+_TEXTS = frozenset((*range(0xE0, 0xF0), 0xFE))  # what applications say of an image, thumbnails among it
+# In libjpeg's warnings; bytes of a scan are left over where some before them are gone or others.
+_LOSSES = re.compile(
+    "[Pp]remature end|bad (Huffman|arithmetic) code|instead of RST|Inconsistent prog|bytes before marker"
+)
+_PADDING = re.compile("([0-9]+) extraneous bytes before marker 0xd9")
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
@@ -69,7 +74,8 @@ def decode(path: Path) -> NDArray[Any]:
         raise InputError(f"{path}: found no image that can be decoded, expected PNG, JPEG, TIFF, PPM or BMP")
     if data.startswith(_JPEG) and (lost := _damage(data)) is not None:
         raise InputError(
-            f"{path}: found a JPEG that lacks a part ({lost}), expected a whole image; fetch it again"
+            f"{path}: found a JPEG that lacks a part ({lost}), expected a whole image; fetch it again, or "
+            "where all of a camera are so and look whole convert them to PNG"
         )
     return np.asarray(pixels)
 
@@ -104,7 +110,7 @@ def _segments(data: bytes) -> Iterator[tuple[int, int]]:
     at = 2
     while 0 <= (at := data.find(b"\xff", at)) < len(data) - 1:  # padding before it is skipped by decoders
         kind = data[at + 1]
-        if kind == 0xFF:  # filling
+        if kind in (0x00, 0xFF):  # no marker, and filling
             at += 1
             continue
         yield kind, at
@@ -154,28 +160,40 @@ class _Refinements:
 def _damage(data: bytes) -> str | None:
     """What the scans of a JPEG lack, in libjpeg's words: decoders fill it with what came before.
 
-    Other things that libjpeg warns of, such as bytes between segments, lose nothing of the image.
+    A JPEG has no checksum, so that bytes of a scan that were replaced by as many others may well be told as
+    another image. Zeros between the last scan and the end, which some cameras write, lose nothing.
     """
+    bare = _bare(data)
     try:
-        simplejpeg.decode_jpeg(_with_frequencies(data), "GRAY", True, True, min_factor=8)
+        simplejpeg.decode_jpeg(bare, "GRAY", True, True, min_factor=8)
     except ValueError as error:
-        return str(error) if _LOSSES.search(str(error)) else None
+        said = str(error)
+        if (padding := _PADDING.search(said)) and not any(bare[-2 - int(padding[1]) : -2]):
+            return None
+        return said if _LOSSES.search(said) else None
     return None
 
 
-def _with_frequencies(data: bytes) -> bytes:
-    """The file, with all frequencies in the scans of a plain JPEG, which have them whatever they say.
+def _bare(data: bytes) -> bytes:
+    """The segments that make the image, with all frequencies in the scans of a plain JPEG.
 
-    Else these would be what libjpeg warns of, and it warns once.
+    Else these, or what lies in other segments and between them, would be what libjpeg warns of, and it
+    warns once. From the first scan on whatever lies between segments may be the rest of one.
     """
-    mended = bytearray(data)
-    for kind, at in _segments(data):
-        if kind in _FRAMES and _progressive(kind):
-            return data
-        if kind == _SCAN:
-            end = at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-            mended[end - 3 : end] = b"\x00\x3f\x00"
-    return bytes(mended)
+    bare, progressive, scans = bytearray(data[:2]), False, False
+    places = list(_segments(data))
+    for (kind, at), (_, following) in pairwise(places):
+        end = at + 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+        if kind in _FRAMES:
+            progressive = _progressive(kind)
+        scans = scans or kind == _SCAN
+        if kind == _SCAN and not progressive:
+            bare += data[at : end - 3] + b"\x00\x3f\x00"
+        elif kind not in _TEXTS:
+            bare += data[at:end]
+        if scans:
+            bare += data[end:following]
+    return bytes(bare + data[places[-1][1] :][:2])
 
 
 def _png_ends(data: bytes) -> bool:

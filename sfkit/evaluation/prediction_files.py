@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -117,11 +117,13 @@ class PredictionPlan:
         pairs: left and right image files.
         stems: where each pair's files go, without their endings.
         outputs: what is written of each.
+        others: files that an earlier prediction of these images left, and this one does not replace.
     """
 
     pairs: tuple[tuple[Path, Path], ...]
     stems: tuple[Path, ...]
     outputs: Outputs = field(default_factory=Outputs)
+    others: tuple[Path, ...] = ()
 
     @classmethod
     def of(
@@ -150,7 +152,7 @@ class PredictionPlan:
         sizes = [plan.outputs.check_size(_read_pair(left, right)[0]) for left, right in pairs]
         if plan.outputs.calibration is not None:
             _ensure_one_camera(plan.pairs, sizes)
-        return plan
+        return replace(plan, others=tuple(plan._left_over()))
 
     def targets(self, number: int) -> dict[str, Path]:
         """What is written of one pair -> its file."""
@@ -158,13 +160,16 @@ class PredictionPlan:
         names = {**self.outputs.endings, **PICTURES}
         return {what: stem.with_name(stem.name + ending) for what, ending in names.items()}
 
-    def others(self) -> list[Path]:
-        """Files that an earlier prediction of these images left, and this one does not replace."""
+    def _left_over(self) -> Iterator[Path]:
+        """Where the pictures lie that every prediction leaves: other files of the name may be a user's."""
         written = {target for number in range(len(self.stems)) for target in self.targets(number).values()}
         # An image can be called what a prediction of another one would be.
         written |= {image for pair in self.pairs for image in pair}
-        there = (stem.with_name(stem.name + kind) for stem in self.stems for kind in KINDS)
-        return [path for path in there if path not in written and path.is_file()]
+        for stem in self.stems:
+            there = {kind for kind in KINDS if stem.with_name(stem.name + kind).is_file()}
+            if there.issuperset(PICTURES.values()):
+                found = (stem.with_name(stem.name + kind) for kind in KINDS if kind in there)
+                yield from (path for path in found if path not in written)
 
     def _check_targets(self, *, overwrite: bool) -> None:
         # A link or another spelling must not hide that a result would replace its own image.
@@ -199,8 +204,8 @@ def warn_of_others(paths: Sequence[Path]) -> None:
     if paths:
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         warnings.warn(
-            f"{paths[0]}{more}: of an earlier prediction, which this one did not replace; remove what could "
-            "be taken for its own",
+            f"{paths[0]}{more}: of an earlier prediction or your own, which this one did not replace; remove "
+            "what could be taken for its own",
             SfkitWarning,
             stacklevel=2,
         )
@@ -231,7 +236,7 @@ def predict_files(model: LoadedNetwork, plan: PredictionPlan) -> Iterator[Predic
         write_png(targets["preview"], preview_of(disparity)[..., ::-1])
         write_png(targets["overview"], overview_of(first, disparity, confidence)[..., ::-1])
         yield found
-    warn_of_others(plan.others())
+    warn_of_others(plan.others)
 
 
 def predict_checked(

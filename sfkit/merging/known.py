@@ -128,7 +128,14 @@ def architecture_of(tensors: Mapping[str, StoredTensor]) -> str | None:
 
 def nobody_registered() -> bool:
     """Whether there can be no architectures but those that come with sfkit."""
-    return "sfkit.architectures.registry" not in sys.modules and not list(code.imported_files())
+    known = "sfkit.architectures.registry" in sys.modules or any(code.imported_files())
+    return not known and not _declared(tuple(sys.path))
+
+
+@cache
+def _declared(places: tuple[str, ...]) -> bool:
+    """Whether an installed package declares an architecture: asked once, it takes as long as a small file."""
+    return bool(code.declared_names())
 
 
 def matrices(path: Path) -> dict[str, np.ndarray] | None:

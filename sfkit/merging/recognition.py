@@ -61,13 +61,28 @@ def recognised(path: Path) -> tuple[str, ...]:
     read_checkpoint(path)
     fitting = []
     for name in architectures():
-        entry = architecture(name)
+        try:
+            entry = architecture(name)
+        except InputError as error:  # of a package that cannot be imported: others have nothing to do with it
+            warnings.warn(str(error), SfkitWarning, stacklevel=2)
+            continue
         if entry.places:  # built from a checkout that nobody has named
             continue
         try:
             options = entry.resolve(near=path)
-            PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", SfkitWarning)  # said again where it is opened
+                PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False)
         except InputError:
+            continue
+        except Exception as error:  # whatever another's code raises when it is built with its defaults
+            reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
+            warnings.warn(
+                f"architecture {name!r}: cannot be built with its default options ({reason}), so its keys "
+                "are not known",
+                SfkitWarning,
+                stacklevel=2,
+            )
             continue
         fitting.append(name)
     return tuple(fitting)
@@ -105,19 +120,17 @@ def family(folder: Path, base: str | None = None) -> CheckpointFamily:
         raise InputError(f"{folder}: found {len(files)} checkpoints, expected a base and at least one source")
     kinds: dict[Path, tuple[str, ...]] = {}
     skipped: dict[Path, str] = {}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", SfkitWarning)
-        for path in files:
-            if not is_text(str(path)):
-                skipped[path] = f"{path.stem!r}: has a name that is no UTF-8, which no TOML can hold"
-                continue
-            try:
-                kinds[path] = recognised(path)
-            except InputError as error:
-                skipped[path] = str(error)
-                continue
-            if not kinds[path]:
-                skipped[path] = f"{path}: fits no architecture sfkit knows"
+    for path in files:
+        if not is_text(str(path)):
+            skipped[path] = f"{path.stem!r}: has a name that is no UTF-8, which no TOML can hold"
+            continue
+        try:
+            kinds[path] = recognised(path)
+        except InputError as error:
+            skipped[path] = str(error)
+            continue
+        if not kinds[path]:
+            skipped[path] = f"{path}: fits no architecture sfkit knows"
     counts = Counter(name for found in kinds.values() for name in found)
     name = min(counts, key=lambda candidate: (-counts[candidate], candidate), default="")
     members = [path for path, found in kinds.items() if name in found]

@@ -17,6 +17,7 @@ from sfkit.checkpoints.fingerprints import tensor_digest
 from sfkit.checkpoints.headers import read_texts, stored_tensors
 from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.groups import first_paragraph
+from sfkit.cli.inspection import inspect_file
 from sfkit.errors import InputError
 
 HEAVY = (
@@ -117,3 +118,22 @@ def test_texts_of_another_form_are_refused_in_a_sentence(texts: object, tmp_path
         return
     with pytest.raises(InputError, match=r"net\.safetensors: cannot be read as safetensors"):
         read_texts(tmp_path / "net.safetensors")
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"shape": [-1, -2], "data_offsets": [0, 8]},
+        {"shape": [2.0], "data_offsets": [0, 8]},
+        {"shape": [2], "data_offsets": [0.0, 8.0]},
+        {"shape": [True, 2], "data_offsets": [0, 8]},
+        {"shape": [2], "data_offsets": ["0", "8"]},
+    ],
+)
+def test_numbers_that_count_nothing_are_refused_in_a_sentence(
+    entry: dict[str, object], tmp_path: Path
+) -> None:
+    header = json.dumps({"w": {"dtype": "F32", **entry}}).encode()
+    (tmp_path / "net.safetensors").write_bytes(len(header).to_bytes(8, "little") + header + bytes(8))
+    with pytest.raises(InputError, match=r"net\.safetensors: cannot be read as safetensors"):
+        inspect_file(tmp_path / "net.safetensors")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -121,6 +122,47 @@ def test_bytes_that_are_gone_between_restarts_are_missed(tmp_path: Path) -> None
     for gone in range(60, 600, 60):
         with pytest.raises(InputError, match=r"lacks a part \(Corrupt JPEG data: "):
             read_image(_written(tmp_path, whole[:start] + whole[start + gone :]))
+
+
+def test_bytes_left_over_of_a_scan_are_a_trace_of_others_in_its_place(tmp_path: Path) -> None:
+    """Of the first of several scans, too; before, those alone before a restart were."""
+    whole = jpeg(photo(), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+    scan = whole.index(b"\xff\xda") + 20
+    for start in (scan, scan + 60, scan + 150):
+        with pytest.raises(InputError, match=r"lacks a part \(Corrupt JPEG data: .* convert them to PNG"):
+            read_image(_written(tmp_path, whole[:start] + bytes(40) + whole[start + 40 :]))
+
+
+def test_a_progressive_jpeg_without_one_of_its_scans_is_refused(tmp_path: Path) -> None:
+    """Whichever it is: a later scan can refine what never came, and ends at the last bit all the same."""
+    whole = jpeg(photo(), cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+    starts = [at.start() for at in re.finditer(b"\xff[\xc4\xda]", whole)]
+    scans = [at for at in starts if whole[at + 1] == 0xDA]
+    for scan in scans:
+        after = next((at for at in starts if at > scan), len(whole) - 2)
+        for end in {after, next((at for at in scans if at > scan), len(whole) - 2)}:  # its tables gone too
+            with pytest.raises(
+                InputError, match=r"x\.jpg: found (a file that ends|a JPEG that lacks|no image)"
+            ):
+                read_image(_written(tmp_path, whole[:scan] + whole[end:]))
+
+
+def test_what_lies_before_the_first_scan_hides_no_loss(tmp_path: Path) -> None:
+    """Only the first is warned of, such as strange bytes in front, which lose nothing."""
+    whole = jpeg(photo())
+    strange = whole[:2] + whole[2:20].replace(b"JFIF\0\1", b"JFIF\0\3") + b"\0\1\2" + whole[20:]
+    assert np.array_equal(read_image(_written(tmp_path, strange)), read_image(_written(tmp_path, whole))), (
+        "nothing is lost"
+    )
+    with pytest.raises(InputError, match=r"lacks a part \(Corrupt JPEG data: prem"):
+        read_image(_written(tmp_path, strange[: len(strange) // 2] + END))
+
+
+def test_zeros_before_the_end_are_padding(tmp_path: Path) -> None:
+    whole = jpeg(photo())
+    read_image(_written(tmp_path, whole[:-2] + bytes(20) + END))
+    with pytest.raises(InputError, match=r"lacks a part \(Corrupt JPEG data: \d+ extraneous bytes"):
+        read_image(_written(tmp_path, whole[:-2] + bytes(range(20)) + END))
 
 
 def test_colours_may_come_in_scans_of_their_own(tmp_path: Path) -> None:

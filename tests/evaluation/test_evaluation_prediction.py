@@ -18,7 +18,7 @@ from sfkit.colours import hatch
 from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import read_disparity
 from sfkit.datasets.matching import match_pairs
-from sfkit.datasets.pfm import read_pfm
+from sfkit.datasets.pfm import read_pfm, write_pfm
 from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.evaluation.point_cloud import depth_of
 from sfkit.evaluation.prediction import predict, preview_of
@@ -196,6 +196,17 @@ def test_files_of_an_earlier_prediction_are_named(pair: tuple[Path, Path], tmp_p
     )
     with pytest.warns(SfkitWarning, match=r"out/left_depth\.pfm: of an earlier prediction"):
         list(predict_files(given(said), PredictionPlan.of([pair], out, overwrite=True)))
+
+
+def test_a_disparity_of_ones_own_beside_the_image_is_of_no_earlier_prediction(tmp_path: Path) -> None:
+    """Ground truth that is called as its image, where a prediction goes to the folder of both."""
+    pairs = [(image(tmp_path / "left.jpg"), image(tmp_path / "right.jpg"))]
+    write_pfm(tmp_path / "left.pfm", disparities())
+    plan = PredictionPlan.of(pairs, tmp_path, Outputs("png16"))
+    assert plan.others == ()
+    list(predict_files(given(disparities()), plan))
+    again = PredictionPlan.of(pairs, tmp_path, Outputs("png16"), overwrite=True)
+    assert again.others == (tmp_path / "left.pfm",), "with a prediction there, whose it is cannot be told"
 
 
 def test_images_of_unequal_sizes_are_of_several_cameras(tmp_path: Path) -> None:

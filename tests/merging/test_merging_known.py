@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,7 @@ from sfkit.checkpoints.checks import Kind
 from sfkit.checkpoints.fingerprints import COUNTER
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.cli import inspection
+from sfkit.errors import SfkitWarning
 from sfkit.merging import known, recognition
 from sfkit.merging.opening import open_pool
 from sfkit.merging.tensor_specs import tensor_specs
@@ -143,3 +146,62 @@ def test_where_the_registry_is_in_use_it_is_asked(tmp_path: Path, monkeypatch: p
     assert known.known_architecture(spec.base.path) is None
     assert recognition.recognised(spec.base.path) == ("anynet",)
     assert np.isfinite(inspection._relations(tmp_path / "pool.toml")[0].kinships["a"].cosine)
+
+
+PACKAGES = {
+    "twin": """import sfkit
+from sfkit.architectures import architecture
+anynet = architecture("anynet")
+sfkit.register_architecture("twin", blocks=anynet.blocks, version="1")(lambda: anynet.build())
+""",
+    "broken": "raise OSError('libdepth.so: no such file')",
+    "hollow": """import sfkit
+@sfkit.register_architecture("hollow", blocks={"all": ["*"]})
+def build(width=None):
+    raise ValueError("say how wide\\nas in the manual")
+""",
+}
+
+
+def _install(site: Path, name: str) -> None:
+    """A package that declares its architecture as an entry point."""
+    info = site / f"{name}_net-1.0.dist-info"
+    info.mkdir(parents=True)
+    (site / f"{name}_net.py").write_text(PACKAGES[name])
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}-net\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[sfkit.architectures]\n{name} = {name}_net\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected", "said"),
+    [
+        ("twin", ("anynet", "twin"), None),
+        (
+            "broken",
+            ("anynet",),
+            r"'broken': its package cannot be imported \(libdepth\.so: no such file; entry",
+        ),
+        (
+            "hollow",
+            ("anynet",),
+            r"'hollow': cannot be built with .* \(ValueError: say how wide\), so its keys",
+        ),
+    ],
+)
+def test_what_installed_packages_declare_is_asked_too(
+    name: str, expected: tuple[str, ...], said: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that fits several is all of theirs; one that cannot be asked is named, and hides no other."""
+    shipped = json.loads(known.TABLE.read_text(encoding="utf-8"))
+    monkeypatch.setattr(registry, "_REGISTRY", {one: registry.architecture(one) for one in shipped})
+    base = tmp_path / "base.safetensors"
+    save_file(registry.architecture("anynet").build().state_dict(), base)
+    with monkeypatch.context() as unused:
+        unused.delitem(sys.modules, "sfkit.architectures.registry")
+        assert known.known_architecture(base) == "anynet"
+        _install(tmp_path / "site", name)
+        unused.syspath_prepend(tmp_path / "site")
+        assert known.known_architecture(base) is None
+        unused.setitem(sys.modules, "sfkit.architectures.registry", registry)
+        with pytest.warns(SfkitWarning, match=said) if said else nullcontext():
+            assert recognition.recognised(base) == expected

@@ -22,6 +22,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors.torch import save
 
+from sfkit.checkpoints.headers import read_texts, stored_arrays, stored_tensors
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.datasets.calibration import read_calibration
@@ -94,6 +95,11 @@ def table(path: Path) -> object:
     return find_in_table(path, path.parent)
 
 
+def header(path: Path) -> object:
+    """As ``show`` reads it, without torch."""
+    return read_texts(path), stored_tensors(path), stored_arrays(path)
+
+
 READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     "pool": ("pool.toml", POOL, read_pool_spec),
     "toml": ("x.toml", POOL, read_toml),
@@ -120,6 +126,7 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     ),
     "k": ("K.txt", b"7e2 0 3e2 0 7e2 2e2 0 0 1\n0.5\n", read_calibration),
     "safetensors": ("x.safetensors", save({"w": torch.zeros(2)}, {"sfkit.recipe": "{}"}), read_origin),
+    "header": ("x.safetensors", save({"w": torch.zeros(2, 3)}), header),
     "torch": ("x.pth", torch_file(), read_checkpoint),
     "index": ("x.safetensors.index.json", b'{"weight_map": {"w": "x.safetensors"}}', read_checkpoint),
 }
