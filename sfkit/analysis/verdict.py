@@ -92,7 +92,9 @@ def verdict(
     better = [one.simpler for one in compared if one.refuted]
     recommended = min(better, key=lambda name: able[name]) if better else preferred
     unlike = simplest if simplest is not None else _next(rungs, able, preferred)
+    rival = _rival(compared, rungs, preferred)
     shown = unlike is not None and any(one.simpler == unlike and one.confirmed for one in compared)
+    shown = shown and rival is None
     support = Support.OVERRULED if better else Support.SHOWN if shown else Support.UNDECIDED
     found = Verdict(
         recommended,
@@ -113,7 +115,7 @@ def verdict(
         passed_over=average if worse else None,
     )
     clear = all(one.clear for one in compared if rungs[one.simpler] < rungs[preferred])
-    return with_reason(found, unlike, evaluations or {}, clear)
+    return with_reason(found, unlike, evaluations or {}, clear, rival)
 
 
 def estimate_between(measured: Sequence[Measured], network: str, reference: str) -> PairedEstimate | None:
@@ -162,6 +164,16 @@ def _next(rungs: Mapping[str, tuple[int, int]], scores: Mapping[str, float], pre
     """The simpler network that validation likes second; None where there is no simpler one."""
     simpler = [name for name, rung in rungs.items() if rung < rungs[preferred]]
     return min(simpler, key=lambda name: (scores[name], rungs[name])) if simpler else None
+
+
+def _rival(compared: Sequence[Against], rungs: Mapping[str, tuple[int, int]], preferred: str) -> str | None:
+    """The simpler network that does best on the tests, where it does better there than the preferred one."""
+    ahead = {
+        one.simpler: one.tests.value
+        for one in compared
+        if one.tests is not None and one.tests.value > 0.0 and rungs[one.simpler] < rungs[preferred]
+    }
+    return max(ahead, key=lambda name: ahead[name]) if ahead else None
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -20,6 +20,7 @@ def with_reason(
     unlike: str | None,
     evaluations: Mapping[str, int],
     clear: bool,
+    rival: str | None = None,
 ) -> Verdict:
     """The verdict with its reason.
 
@@ -28,8 +29,9 @@ def with_reason(
         unlike: the simpler network to name beside it; None where there is none.
         evaluations: network name -> what finding it took, where that is known.
         clear: whether the intervals to all simpler networks on validation leave 0 out.
+        rival: the simpler network that the tests put furthest ahead of what validation prefers, if any.
     """
-    said = [*_first(found), *_second(found, unlike, clear)]
+    said = [*_first(found), *_second(found, unlike, clear), *_on_tests(found, unlike, rival)]
     if unlike is not None and {unlike, found.preferred} <= evaluations.keys():
         more = evaluations[found.preferred] - evaluations[unlike]
         if more > 0:
@@ -113,6 +115,18 @@ def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
             f"{_difference(against.tests, found.metric)}."
         )
     return said
+
+
+def _on_tests(found: Verdict, unlike: str | None, rival: str | None) -> list[str]:
+    """A simpler network that does better on the tests than what validation prefers, by a hair or by luck."""
+    if rival is None or rival == unlike or found.support is Support.OVERRULED:
+        return []
+    tests = found.against(rival).tests
+    assert tests is not None
+    return [
+        f"There {rival}, which is simpler too, scores lower, though the tests do not tell the two apart: "
+        f"{_difference(tests, found.metric)}."
+    ]
 
 
 def _difference(estimate: PairedEstimate, metric: str) -> str:

@@ -29,13 +29,13 @@ LEVELS = {"base": 40.0, "a": 33.0, "uniform": 32.0, "Stage 1": 30.0}
 
 
 def bench(
-    name: str, routed: float, images: int = 20, *, guides: bool = False, noise: float = 1.0
+    name: str, routed: float, images: int = 20, *, guides: bool = False, noise: float = 1.0, **levels: float
 ) -> Measured:
     """Images that are hard for all networks alike; Stage 1+2 is ``routed`` points off Stage 1."""
     rng = np.random.default_rng([images, *name.encode()])
     hard = rng.normal(0.0, 8.0, images)
     rows = {}
-    for network, level in {**LEVELS, "Stage 1+2": LEVELS["Stage 1"] + routed}.items():
+    for network, level in {**LEVELS, **levels, "Stage 1+2": LEVELS["Stage 1"] + routed}.items():
         own = rng.normal(0.0, noise, images)
         own -= own.mean()  # so that the level is the truth
         rows[network] = [round(1000 * float(x)) for x in level + hard + own]
@@ -48,6 +48,16 @@ def test_a_stage_2_that_is_better_everywhere_is_deployed_and_the_tests_say_so() 
     assert found.reason[0].startswith("Deploy Stage 1+2: bad-3.0 ")
     assert "on guide (20 pairs), chosen among 5 networks there" in found.reason[0]
     assert "better than Stage 1: -2.2" in found.sentence
+
+
+def test_a_simpler_network_that_tests_put_ahead_is_named_though_they_do_not_tell_it_apart() -> None:
+    """Better than the nearest simpler network is no support where a source alone does better still."""
+    tests = [bench("one", -2.0, a=27.9), bench("two", -2.0, a=27.8)]
+    found = verdict(RECIPES, [bench("guide", -3.0, guides=True)], tests)
+    assert (found.recommended, found.support) == ("Stage 1+2", Support.UNDECIDED)
+    assert "better than Stage 1: -2.0" in found.sentence
+    assert "There a, which is simpler too, scores lower, though the tests do not tell" in found.sentence
+    assert "apart: +0.15 points" in found.sentence
 
 
 def test_a_stage_2_that_is_worse_on_unseen_is_overruled_in_the_first_sentence() -> None:
