@@ -39,10 +39,13 @@ def smallest_bound(
         best: where the genetic algorithm begins, in large spaces.
         rng: its draws; none in small spaces.
     """
-    options = listed(space) if space.subsets <= LISTED else _bred(bound, space, count, best, rng)
-    fresh = [chromosome for chromosome in options if chromosome not in met]
-    values = bound(equal_weights(fresh, count))
-    return fresh[int(np.argmin(values))]
+    if space.subsets <= LISTED:
+        options, weights = listed(space), _listed_weights(space, count)
+    else:
+        options = _bred(bound, space, count, best, rng)
+        weights = equal_weights(options, count)
+    fresh = [n for n, chromosome in enumerate(options) if chromosome not in met]
+    return options[fresh[int(np.argmin(bound(weights[fresh])))]]
 
 
 def equal_weights(chromosomes: Sequence[Chromosome], count: int) -> Array:
@@ -62,6 +65,14 @@ def listed(space: SubsetSpace) -> tuple[Chromosome, ...]:
         for size in range(space.smallest, space.largest + 1)
         for chosen in combinations(space.optional, size - len(required))
     )
+
+
+@lru_cache(maxsize=8)
+def _listed_weights(space: SubsetSpace, count: int) -> Array:
+    """Weights of all of them, not to be written to."""
+    weights = equal_weights(listed(space), count)
+    weights.setflags(write=False)
+    return weights
 
 
 def _bred(

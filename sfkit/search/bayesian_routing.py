@@ -157,6 +157,7 @@ class BayesianRoutingSearch(RoutingSearch):
         elsewhere = {name for entry in self.known for name in entry.recipe.sources} - set(self.sources)
         self._names = (*self.sources, *sorted(elsewhere))
         self._seen = recipe_features((k.recipe for k in self.known), self._names, self.blocks)
+        self._own = recipe_features((), self._names, self.blocks)
 
     @property
     def population(self) -> int:
@@ -265,9 +266,10 @@ class BayesianRoutingSearch(RoutingSearch):
         scores = np.array([*(c.score for c in own), *(self.known[n].score for n in others)])
         if len(scores) < 2 or not np.isfinite(scores).any():
             return None
-        mine = recipe_features((c.recipe for c in own), self._names, self.blocks)
+        more = recipe_features((c.recipe for c in own[len(self._own[0]) :]), self._names, self.blocks)
+        self._own = tuple(np.concatenate(groups) for groups in zip(self._own, more, strict=True))
         seen = tuple(group[others] for group in self._seen)
-        return learned(tuple(np.concatenate(groups) for groups in zip(mine, seen, strict=True)), scores)
+        return learned(tuple(np.concatenate(groups) for groups in zip(self._own, seen, strict=True)), scores)
 
     def _points(self, draws: Array) -> Points:
         """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""

@@ -8,11 +8,13 @@ good as equal it can then choose the other one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 Array = NDArray[np.float64]
 Points = tuple[Array, ...]
@@ -23,6 +25,8 @@ LENGTHS: tuple[float, ...] = tuple(float(v) for v in np.geomspace(0.1, 3.2, 11))
 NOISES: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Variances of the noise that are tried, as shares of the signal's variance."""
 _CENTRE = 5
+Place = tuple[int, ...]
+"""Indices on a grid of hyper-parameters."""
 _SMALLEST = 1e-12
 
 
@@ -76,24 +80,28 @@ class GaussianProcess:
 def fit(points: Points, values: Array, noises: Sequence[float] = NOISES) -> GaussianProcess:
     """The model of highest evidence on the grid of length scales and noises.
 
-    Length scales climb from the middle of the grid, one group at a time, while the evidence rises.
+    Length scales climb from the middle of the grid, one group at a time, while the evidence rises; for each
+    of them the noise climbs from where it ended for those before.
 
     Args:
         points: at least two rows in each group.
         values: (n,), finite.
-        noises: which to try.
+        noises: which to try, ascending.
     """
     apart = distances(points, points)
-    seen: dict[tuple[int, ...], tuple[float, float]] = {}
+    seen: dict[Place, tuple[float, int]] = {}
+    last = len(noises) // 2
 
-    def evidence(where: tuple[int, ...]) -> float:
+    def evidence(where: Place) -> float:
+        nonlocal last
         if where not in seen:
-            lengths = tuple(LENGTHS[i] for i in where)
-            seen[where] = _best_noise(matern(apart, lengths), values, noises)
+            kernel = matern(apart, [LENGTHS[i] for i in where])
+            seen[where] = _best_noise(kernel, values, noises, last)
+            last = seen[where][1]
         return seen[where][0]
 
-    where = _climb((_CENTRE,) * len(points), evidence)
-    return _posterior(points, values, tuple(LENGTHS[i] for i in where), seen[where][1])
+    where = _climb((_CENTRE,) * len(points), len(LENGTHS), evidence)
+    return _posterior(points, values, tuple(LENGTHS[i] for i in where), noises[seen[where][1]])
 
 
 def distances(one: Points, other: Points) -> tuple[Array, ...]:
@@ -108,52 +116,68 @@ def distances(one: Points, other: Points) -> tuple[Array, ...]:
 
 def matern(apart: Sequence[Array], lengths: Sequence[float]) -> Array:
     """Matern kernel with nu = 5/2 of distances in units of the length scales (eq. 4.17)."""
-    scaled = [square / length**2 for square, length in zip(apart, lengths, strict=True)]
-    r = np.sqrt(5.0 * np.sum(scaled, axis=0))
-    return np.asarray((1.0 + r + r**2 / 3.0) * np.exp(-r))
+    first, *others = (square / length**2 for square, length in zip(apart, lengths, strict=True))
+    r = np.asarray(sum(others, first))
+    np.sqrt(np.multiply(r, 5.0, out=r), out=r)
+    # Written out in place: most of a proposal's time goes into these lines.
+    kernel = r * r
+    kernel /= 3.0
+    kernel += r
+    kernel += 1.0
+    kernel *= np.exp(np.negative(r, out=r), out=r)
+    return kernel
 
 
-def _climb(start: tuple[int, ...], height: Callable[[tuple[int, ...]], float]) -> tuple[int, ...]:
-    """The end of a steepest climb on the grid; a tie is no step."""
+def _climb(start: Place, size: int, height: Callable[[Place], float]) -> Place:
+    """The end of a steepest climb on a grid of ``size`` entries an axis; a tie is no step."""
     here = start
     while True:
         around = [
             (*here[:g], here[g] + step, *here[g + 1 :])
             for g in range(len(here))
             for step in (-1, 1)
-            if 0 <= here[g] + step < len(LENGTHS)
+            if 0 <= here[g] + step < size
         ]
-        best = max(around, key=height)
+        best = max(around, key=height, default=here)
         if height(best) <= height(here):
             return here
         here = best
 
 
-def _best_noise(kernel: Array, values: Array, noises: Sequence[float]) -> tuple[float, float]:
-    """Evidence and noise, from one eigen-decomposition; mean and variance are at their best for each."""
-    roots, axes = np.linalg.eigh(kernel)
-    along, ones = axes.T @ values, axes.sum(axis=0)
-    # Only rounding makes an eigenvalue of a kernel negative.
-    spectrum = np.maximum(roots, 0.0) + np.array(noises)[:, None]
-    mean = np.sum(ones * along / spectrum, axis=1) / np.sum(ones**2 / spectrum, axis=1)
-    found = _evidence(spectrum, (along - mean[:, None] * ones) ** 2 / spectrum, ones)
-    first = int(np.argmax(found))
-    return float(found[first]), noises[first]
+def _best_noise(kernel: Array, values: Array, noises: Sequence[float], start: int) -> tuple[float, int]:
+    """Highest evidence and which noise has it, by a climb from one of them."""
+    sides, diagonal = np.column_stack([values, np.ones_like(values)]), np.arange(len(values))
+    seen: dict[Place, float] = {}
+
+    def evidence(where: Place) -> float:
+        if where not in seen:
+            noisy = kernel.copy()
+            noisy[diagonal, diagonal] += noises[where[0]]
+            seen[where] = _evidence(noisy, sides)
+        return seen[where]
+
+    where = _climb((start,), len(noises), evidence)
+    return seen[where], where[0]
 
 
-def _evidence(spectrum: Array, squares: Array, ones: Array) -> Array:
-    """Log marginal likelihoods (eq. 5.8), the mean integrated out and the variance at its best (2.44).
+def _evidence(noisy: Array, sides: Array) -> float:
+    """Log marginal likelihood (eq. 5.8), the mean integrated out and the variance at its best (2.44).
 
     Args:
-        spectrum: of kernel + noise, a row a noise, (k, n).
-        squares: of the values less the mean along its axes, over the spectrum, (k, n).
-        ones: the vector of ones along its axes, (n,).
+        noisy: kernel + noise, (n, n); overwritten.
+        sides: the values, and ones, (n, 2).
     """
-    count = len(ones)
+    # LAPACK itself: its wrappers check and copy for longer than a small matrix takes.
+    factor, failed = lapack.dpotrf(noisy.T, lower=1, overwrite_a=1, clean=0)
+    if failed:
+        return -math.inf
+    along, ones = lapack.dtrtrs(factor, sides, lower=1)[0].T
+    weight = float(ones @ ones)
+    rest = along - (along @ ones) / weight * ones
     # Values that are all equal leave nothing, which has no logarithm.
-    fitted = np.maximum(np.sum(squares, axis=1) / count, _SMALLEST)
-    lost = np.log(np.sum(ones**2 / spectrum, axis=1))
-    return np.asarray(-0.5 * (count * np.log(fitted) + np.sum(np.log(spectrum), axis=1) + lost))
+    fitted = max(float(rest @ rest) / len(rest), _SMALLEST)
+    spread = 2.0 * float(np.sum(np.log(factor.diagonal())))
+    return -0.5 * (len(rest) * math.log(fitted) + spread + math.log(weight))
 
 
 def _posterior(
