@@ -61,6 +61,11 @@ def entries() -> dict[str, Entry]:
 
         found["Optuna TPE"] = Entry(on_subsets(tpe, 300))
         found["Optuna GP"] = Entry(on_subsets(gp, 100), 40, 1)
+    if importlib.util.find_spec("sklearn") and importlib.util.find_spec("botorch"):
+        from peers_models import botorch, scikit_learn, searched_by
+
+        found["the same search by scikit-learn's model"] = Entry(searched_by(scikit_learn), 40, 5)
+        found["the same search by BoTorch's model"] = Entry(searched_by(botorch), 40, 5)
     return found
 
 

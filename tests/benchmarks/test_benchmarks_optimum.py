@@ -12,6 +12,8 @@ import pandas as pd
 import pytest
 from benchmark_scripts import imported
 
+from sfkit.search.gaussian_process import Array, fit
+
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
@@ -45,6 +47,15 @@ def test_a_run_ends_at_the_optimum(scripts: tuple[ModuleType, ...], land: object
     met = scripts[0].run(land, 0)
     assert 0.0 in land.regrets(met)  # type: ignore[attr-defined]
     assert met[:6] == [1, 2, 4, 8, 16, 32]
+
+
+def test_another_librarys_model_searches_as_ours_does(scripts: tuple[ModuleType, ...], land: object) -> None:
+    with imported("peers_models") as (peers,):
+
+        def same(points: Array, values: Array, new: Array) -> tuple[Array, Array]:
+            return fit((points,), values).predict((new,))
+
+        assert peers.searched_by(same)(land, 1) == scripts[0].run(land, 1)
 
 
 def test_what_a_newcomer_costs_leaves_out_what_was_stored(
