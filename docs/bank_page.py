@@ -37,7 +37,8 @@ seeds; this page is made by `python docs/bank_page.py`.
 A *bad* pixel is off by more than 3 pixels; scores are bad-3.0 in percent over all pixels with ground truth,
 occluded ones too, mean over images; EPE is the mean error in pixels. Lower is better everywhere.
 
-A third bank, of stronger networks that nobody softened, has [a page of its own](bank_sharp.md).
+The demo and the first notebooks open a later bank, of stronger networks that nobody softened: see
+[its page](bank_sharp.md). Most results that are recorded in this documentation were measured on this one.
 """
 
 
