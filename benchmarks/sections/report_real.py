@@ -32,7 +32,6 @@ def measure() -> Study:
         population=POPULATION,
         generations=GENERATIONS,
         evaluations=EVALUATIONS,
-        own_metrics=True,
     )
     methods = [name for name in baselines.baselines() if name not in LEFT_OUT]
     return analysis.study(experiment, seeds=SEEDS, methods=methods)

@@ -73,9 +73,8 @@ class Experiment:
         validation: what guides the searches, with its metric.
         reported: what tests their results; none of its pairs may be among the validation's.
         store: where every evaluation is kept, so that experiments that share a recipe share its score.
-        metric: what the tables show; unless given the validation benchmark's, or where that needs no ground
-            truth the first reported benchmark's. Pairs without ground truth are shown by their own.
-        own_metrics: whether tables show each benchmark under its own metric instead.
+        metric: what the tables show of every benchmark that has it; unless given, each benchmark is shown
+            under its own.
         population: M of Stage 1.
         generations: T_1 of Stage 1.
         evaluations: N_eval of Stage 2.
@@ -95,7 +94,6 @@ class Experiment:
     evaluations: int = 300
     seed: int = 0
     compute: Compute = HERE
-    own_metrics: bool = False
     resamples: int = 0
     _evaluators: dict[tuple[Any, ...], Evaluator] = field(default_factory=dict, repr=False)
 
@@ -108,16 +106,16 @@ class Experiment:
             )
 
     @property
-    def shown(self) -> str:
-        """The metric of tables, where they do not show each benchmark under its own."""
+    def common(self) -> str:
+        """What every benchmark is counted by beside its own metric: the tables', or the guide's if it can."""
         told = (one.metric for one in (self.validation, *self.reported))
         by_truth = (metric for metric in told if Metric.parse(metric).needs_truth)
         return self.metric or next(by_truth, self.validation.metric)
 
     def metric_of(self, benchmark: Benchmark) -> str:
         """What tables show a benchmark by."""
-        known = benchmark.measurable([self.shown])
-        return benchmark.metric if self.own_metrics or not known else self.shown
+        known = self.metric is not None and benchmark.measurable([self.metric])
+        return self.metric if self.metric is not None and known else benchmark.metric
 
     @property
     def columns(self) -> tuple[Benchmark, ...]:
@@ -180,7 +178,7 @@ class Experiment:
         """An evaluator on this store, made once for its arguments; on validation unless given."""
         chosen = self.validation if benchmark is None else benchmark
         wanted = metric or chosen.metric
-        asked = (chosen.metric, self.shown, *also)
+        asked = (chosen.metric, self.common, *also)
         counted = Quantities.of(wanted, *chosen.measurable(asked))
         key = (chosen.fingerprint(), chosen.protocol, wanted, counted, self.compute)
         if key not in self._evaluators:

@@ -34,7 +34,6 @@ def experiment(tmp_path_factory: pytest.TempPathFactory) -> Experiment:
         population=6,
         generations=1,
         evaluations=8,
-        own_metrics=True,
     )
 
 
@@ -131,7 +130,7 @@ def test_ablations_and_scores_follow_the_same_metrics(experiment: Experiment) ->
         assert table.loc[name, list(METRICS)].to_dict() == alone(experiment, recipes[name])
     long = experiment.scores(recipes)
     assert dict(zip(long["benchmark"], long["metric"], strict=True)) == METRICS
-    one = experiment.changed(own_metrics=False)
+    one = experiment.changed(metric="bad-1.0")
     assert set(one.scores(recipes)["metric"]) == {"bad-1.0"}
     assert {one.metric_of(column) for column in one.columns} == {"bad-1.0"}
 
