@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from sfkit.analysis.intervals import FEWEST_IMAGES, PairedEstimate, RunsOnImages, paired_estimate
+from sfkit.analysis.labels import points
 from sfkit.datasets.metric import Metric
+from sfkit.evaluation.combining import CombinedScorer, evaluators_of
+from sfkit.evaluation.evaluator import Evaluator
+from sfkit.merging.recipe import Recipe
 from sfkit.search.routing import RoutingSearch
 
 
@@ -20,6 +28,10 @@ class HoldoutCheck:
         chosen: change on the pairs held out of the candidate that was chosen.
         folds: over how many splits these are means.
         metric: what the scores are; None where it is not known.
+        candidates: among how many the best on the guiding pairs was found.
+        pairs: how many were held out, those of all folds together.
+        interval: 95 % interval of ``held`` over the pairs held out; None under five of them, or where
+            benchmarks are combined otherwise than by their mean.
     """
 
     guiding: float
@@ -27,27 +39,42 @@ class HoldoutCheck:
     chosen: float
     folds: int
     metric: str | None = None
+    candidates: int = 1
+    pairs: int = 0
+    interval: tuple[float, float] | None = None
 
     @property
     def overfit(self) -> bool:
-        """True where the guiding score falls and the held-out score does not."""
-        return self.guiding < 0 <= self.held
+        """True where the guiding score falls, and the held-out pairs show that theirs rises."""
+        return self.guiding < 0 and self.interval is not None and self.interval[0] > 0
 
     @property
     def sentence(self) -> str:
         """What the check says, for tables and reports."""
-        unit = "" if self.metric is None else f" {Metric.parse(self.metric).unit}"
+        unit = "" if self.metric is None else f" {points(Metric.parse(self.metric).unit)}"
         what = "score" if self.metric is None else self.metric
-        guided = f"{what} falls by {-self.guiding:.2f}{unit} on the pairs that guide Stage 2"
         if self.guiding >= 0:
             return f"Stage 2 found nothing better than equal weights ({what} on the pairs that guide it)."
-        if self.overfit:
-            return (
-                f"Warning: {guided} and does not fall on those held out (change {self.held:+.2f}{unit}): "
-                "what it gains are these pairs, not the task; the recipe was chosen on the held-out pairs "
-                f"instead (change {self.chosen:+.2f}{unit})."
+        said = (
+            f"{what} changes by {self.guiding:+.2f}{unit} on the pairs that guide Stage 2 (chosen among "
+            f"{self.candidates} on these pairs), and by {self.held:+.2f}{unit} on {self.pairs} held out"
+        )
+        if self.interval is None:
+            said += (
+                ", which are too few to judge by" if self.pairs < FEWEST_IMAGES else ", without an interval"
             )
-        return f"{guided[0].upper()}{guided[1:]} and by {-self.held:.2f}{unit} on those held out."
+        else:
+            low, high = self.interval
+            said += f": 95 % interval {low:+.2f} to {high:+.2f}"
+            said += ", which shows neither gain nor loss" if low <= 0 <= high else ""
+        instead = ""
+        if self.chosen != self.held:
+            among = "" if self.folds > 1 else f", chosen among {self.candidates} on these pairs"
+            instead = "; the recipe was chosen on the held-out pairs instead "
+            instead += f"(change {self.chosen:+.2f}{unit}{among})"
+        if self.overfit:
+            return f"Warning: {said}: what it gains are these pairs, not the task{instead}."
+        return f"{said[0].upper()}{said[1:]}{instead}."
 
 
 def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> HoldoutCheck | None:
@@ -60,7 +87,7 @@ def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> Holdou
     if not search.folds or not search.candidates or search.candidates[0].failed:
         return None
     zero, best = search.candidates[0], search.best
-    rows = []
+    rows, leads = [], []
     for fold in range(search.folds):
         at_zero = zero.outcome.parts[fold]
         found = [c for c in search.candidates if c.fold == fold and not c.failed]
@@ -68,8 +95,40 @@ def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> Holdou
         chosen = (best or zero).outcome.parts[fold].held
         part = lead.outcome.parts[fold]
         rows.append((part.guiding - at_zero.guiding, part.held - at_zero.held, chosen - at_zero.held))
+        leads.append(lead.recipe)
     guiding, held, chosen = (math.fsum(column) / len(rows) for column in zip(*rows, strict=True))
-    return HoldoutCheck(guiding, held, chosen, search.folds, metric)
+    evaluators = evaluators_of(search.scorer)
+    pairs = sum(len(images) for evaluator in evaluators for images in evaluator.splits)
+    several = search.scorer if isinstance(search.scorer, CombinedScorer) else None
+    by_mean = several is None or (several.how == "mean" and several.changes is None)
+    interval = _interval(evaluators, zero.recipe, leads, held) if by_mean else None
+    among = sum(not (c.failed or c.repeated) for c in search.candidates)
+    return HoldoutCheck(guiding, held, chosen, search.folds, metric, among, pairs, interval)
+
+
+def _interval(
+    evaluators: Sequence[Evaluator], zero: Recipe, leads: Sequence[Recipe], held: float
+) -> tuple[float, float] | None:
+    """Of the folds' leads minus x = 0, over all pairs held out; None where these cannot tell."""
+    both = []
+    for evaluator in evaluators:
+        images = [(fold, image) for fold, split in enumerate(evaluator.splits) for image in sorted(split)]
+        if len(images) < 2:
+            return None
+        reader, rule = evaluator.with_store(evaluator.store), evaluator.benchmark.rule
+        found = [rule.terms(one.images, evaluator.metric) for one in reader.evaluate([zero, *leads])]
+        below = np.array([found[0][1][image] for _, image in images])
+        sides = (
+            np.array([[found[0][0][image] for _, image in images]]),
+            np.array([[found[1 + fold][0][image] for fold, image in images]]),
+        )
+        before, after = (RunsOnImages.of_terms(above, below) for above in sides)
+        both.append((after, before))
+    if sum(len(one.values[0]) for one, _ in both) < FEWEST_IMAGES:
+        return None
+    estimate = paired_estimate(both)
+    low, high = PairedEstimate(held, estimate.error, estimate.freedom).interval()
+    return (low, high) if math.isfinite(low) and math.isfinite(high) else None
 
 
 def holdout_sentence(search: RoutingSearch, *, metric: str | None = None) -> str:

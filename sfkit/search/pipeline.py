@@ -179,7 +179,7 @@ def _search(
 
 def write_result(pool: Pool, found: SearchResult, judged: Mapping[str, Any]) -> Path:
     """Write ``result.json``: the summary, and what was judged of it."""
-    return write_text(found.folder / "result.json", json.dumps({**summary(pool, found), **judged}, indent=2))
+    return write_text(found.folder / "result.json", json.dumps({**judged, **summary(pool, found)}, indent=2))
 
 
 def summary(pool: Pool, found: SearchResult) -> dict[str, Any]:
