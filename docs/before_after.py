@@ -19,7 +19,7 @@ import sfkit
 from sfkit.bank import worlds
 from sfkit.bank.plan import MAIN
 from sfkit.datasets import Sample
-from sfkit.merging.saving import read_recipe
+from sfkit.merging.origin import read_recipe
 
 PAIRS = 11
 THRESHOLD = 3.0  # pixels; the bank's bad-3.0

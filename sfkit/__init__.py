@@ -43,8 +43,9 @@ if TYPE_CHECKING:
     from sfkit.exporting import export_network
     from sfkit.merging import LiveModel, Pool, Recipe, open_pool, routed
     from sfkit.merging.network import load_network
+    from sfkit.merging.origin import read_origin, read_recipe
     from sfkit.merging.prepare import prepare, prepared_for
-    from sfkit.merging.saving import read_origin, read_recipe, save_merged
+    from sfkit.merging.saving import save_merged
     from sfkit.merging.steps import Drop, Elect, FisherMean, Mean, Trim
     from sfkit.search import (
         BayesianRoutingSearch,

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import pandas as pd
 
 from sfkit.analysis.intervals import LEVEL
-from sfkit.analysis.labels import column_name
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import (
     Difference,
@@ -21,6 +20,7 @@ from sfkit.analysis.paired import (
 )
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
+from sfkit.evaluation.separation import column_name
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,9 @@ import numpy as np
 import pandas as pd
 
 from sfkit.analysis.comparisons import ComparedColumn
-from sfkit.analysis.labels import GUIDED, marked
 from sfkit.analysis.tables import BEST, SECOND, export_table, latex_table, ranks
 from sfkit.datasets.metric import Metric
+from sfkit.evaluation.separation import GUIDED, marked
 
 MEAN, UNSEEN = "mean", "mean of the unseen"
 """Columns of every table of scores: over all benchmarks, as the paper has it, and over what guided none."""

@@ -8,7 +8,7 @@ import pandas as pd
 
 from sfkit.analysis.comparisons import ComparedColumn
 from sfkit.analysis.headed import MEAN
-from sfkit.analysis.labels import marked
+from sfkit.evaluation.separation import marked
 from sfkit.published.tables import BENCHMARKS, published
 
 PUBLISHED = "‡"

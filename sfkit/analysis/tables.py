@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from sfkit.analysis.labels import column_name
 from sfkit.analysis.measured import Measured
 from sfkit.errors import InputError, unknown_name
+from sfkit.evaluation.separation import column_name
 from sfkit.evaluation.table import write_table
 from sfkit.files import write_text
 

@@ -34,8 +34,6 @@ from sfkit.analysis.verdict_words import with_reason
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe
 
-__all__ = ["Against", "Support", "Verdict", "estimate_between", "shown_worse", "simplicity", "verdict"]
-
 
 def simplicity(recipe: Recipe) -> tuple[int, int]:
     """How simple a network is, the simplest first: the base, a source, equal weights of few, a routing.

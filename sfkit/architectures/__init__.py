@@ -13,18 +13,3 @@ if TYPE_CHECKING:
     from sfkit.architectures.registry import Architecture, architecture, architectures, register_architecture
 else:
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = [
-    "NMRF",
-    "AnyNet",
-    "Architecture",
-    "FoundationStereo",
-    "InputConvention",
-    "PadSides",
-    "PreparedPair",
-    "Window",
-    "adapters",
-    "architecture",
-    "architectures",
-    "register_architecture",
-]

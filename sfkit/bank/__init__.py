@@ -21,20 +21,6 @@ from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
 from sfkit.errors import InputError
 from sfkit.merging.opening import register_pool
 
-__all__ = [
-    "VALIDATION",
-    "banks",
-    "benchmark",
-    "benchmarks",
-    "build",
-    "domains",
-    "held_out",
-    "joint_path",
-    "pool_path",
-    "training_seconds",
-    "worlds",
-]
-
 
 def pool_path(name: str = BANK.name) -> Path:
     """The ``pool.toml`` of a bank that ships with sfkit; base and sources lie beside it.

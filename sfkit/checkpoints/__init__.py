@@ -12,14 +12,3 @@ if TYPE_CHECKING:
     from sfkit.checkpoints.writing import write_checkpoint
 else:
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = [
-    "CheckpointFile",
-    "FileForm",
-    "Layout",
-    "Member",
-    "PoolSpec",
-    "read_checkpoint",
-    "read_pool_spec",
-    "write_checkpoint",
-]

@@ -5,5 +5,3 @@ error. Bad input ends with exit code 2 and one sentence.
 """
 
 from sfkit.cli.app import main
-
-__all__ = ["main"]

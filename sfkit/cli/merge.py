@@ -55,7 +55,8 @@ def merge(
             "expected exactly one of --subset, --subset-from, --recipe, --weights and --uniform, "
             f"found {len(asked)}"
         )
-    from sfkit.merging.saving import read_origin, save_merged
+    from sfkit.merging.origin import read_origin
+    from sfkit.merging.saving import save_merged
 
     opened = pool_of(pool, dtype=dtype)
     for member in (opened.base, *opened.sources):

@@ -77,7 +77,7 @@ def choosers(
         InputError: an option cannot be read, or a file holds no recipe.
     """
     from sfkit.merging import Pool, Recipe
-    from sfkit.merging.saving import read_recipe
+    from sfkit.merging.origin import read_recipe
     from sfkit.search import subset_of, transfer
 
     found: dict[str, Chooser] = {}
@@ -106,7 +106,7 @@ def recipe_of(path: Path) -> Recipe:
     Raises:
         InputError: there is no recipe in it.
     """
-    from sfkit.merging.saving import read_recipe
+    from sfkit.merging.origin import read_recipe
 
     read = read_recipe(path)
     if read.merged_from is None:

@@ -211,7 +211,7 @@ def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
 
 
 def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
-    from sfkit.merging.saving import read_recipe
+    from sfkit.merging.origin import read_recipe
     from sfkit.search import subset_of
 
     if text is not None and file is not None:

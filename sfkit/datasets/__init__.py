@@ -8,38 +8,11 @@ if TYPE_CHECKING:
     from sfkit.datasets.benchmark import memory_benchmark, open_benchmark, open_benchmarks
     from sfkit.datasets.benchmark_record import Benchmark
     from sfkit.datasets.check import DataReport, check_data
-    from sfkit.datasets.formats import (
-        read_disparity,
-        read_image,
-        read_pfm,
-        write_disparity_png16,
-        write_pfm,
-    )
+    from sfkit.datasets.formats import read_disparity, read_pfm, write_disparity_png16
+    from sfkit.datasets.images import read_image
     from sfkit.datasets.manifests import Manifest, load_manifest, manifest_names
     from sfkit.datasets.metric import Metric, register_metric
     from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
+    from sfkit.datasets.pfm import write_pfm
 else:
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = [
-    "Benchmark",
-    "DataReport",
-    "Manifest",
-    "MemoryPair",
-    "Metric",
-    "Pair",
-    "Sample",
-    "StereoPair",
-    "check_data",
-    "load_manifest",
-    "manifest_names",
-    "memory_benchmark",
-    "open_benchmark",
-    "open_benchmarks",
-    "read_disparity",
-    "read_image",
-    "read_pfm",
-    "register_metric",
-    "write_disparity_png16",
-    "write_pfm",
-]

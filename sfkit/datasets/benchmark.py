@@ -29,18 +29,6 @@ from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import home
 
-__all__ = [
-    "PAIRS",
-    "PAIRS_METRIC",
-    "Benchmark",
-    "find_own_pairs",
-    "has_files",
-    "memory_benchmark",
-    "open_benchmark",
-    "open_benchmarks",
-    "register_benchmarks",
-]
-
 PAIRS = "pairs"
 PAIRS_METRIC = "epe"
 

@@ -30,8 +30,6 @@ from sfkit.errors import InputError
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["CENSUS", "SCALES", "CensusScale", "CensusTarget", "Residual"]
-
 CHANCE = 50.0  # percent of bits by which unrelated images differ: the worst a map can do
 
 

@@ -30,20 +30,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sfkit.datasets.images import read_grey, read_image
-from sfkit.datasets.pfm import read_bytes, read_pfm, write_pfm
+from sfkit.datasets.images import read_grey
+from sfkit.datasets.pfm import read_bytes, read_pfm
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import write_bytes
-
-__all__ = [
-    "Coding",
-    "coding_of_suffix",
-    "read_disparity",
-    "read_image",
-    "read_pfm",
-    "write_disparity_png16",
-    "write_pfm",
-]
 
 KITTI_SCALE = 256.0
 CODINGS = ("npy", "npz", "pfm", "png16", "png8")

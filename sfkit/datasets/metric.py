@@ -21,8 +21,6 @@ from numpy.typing import NDArray
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, nearest
 
-__all__ = ["D1", "EPE", "Metric", "Ratio", "bad_pixels", "metrics_of", "register_metric"]
-
 D1_PIXELS = 3.0
 
 Mask = NDArray[np.bool_]

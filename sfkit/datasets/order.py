@@ -8,8 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PairOrder", "compare_orders"]
-
 WIDTH = 256  # images are looked at in this width at most
 REACH = 0.25  # of the width: the largest disparity that is looked for
 BLOCK = 7  # pixels each way over which matching costs are averaged

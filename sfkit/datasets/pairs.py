@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from sfkit.datasets.calibration import Calibration, read_calibration
 from sfkit.datasets.digests import file_digest
-from sfkit.datasets.formats import read_disparity, read_image
-from sfkit.datasets.images import read_grey
+from sfkit.datasets.formats import read_disparity
+from sfkit.datasets.images import read_grey, read_image
 from sfkit.errors import InputError
 
 VISIBLE = 255  # mask value of a pixel seen in both views (ETH3D, Middlebury)

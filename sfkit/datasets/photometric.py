@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from sfkit.errors import InputError
 
-__all__ = ["AS_READ", "READINGS", "Photometric", "Reading", "check_ground_truth"]
-
 AS_READ = "as read"
 RADIUS = 2  # of the census window, 5 x 5
 PIXELS = 20_000  # of a pair at most; residuals are then known within 0.2 points

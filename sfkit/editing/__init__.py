@@ -2,12 +2,3 @@
 
 from sfkit.editing.drafts import GAMMA, EditHistory, RoutingDraft
 from sfkit.editing.hand_edits import SeenByHand, mark_hand_edit, seen_by_hand
-
-__all__ = [
-    "GAMMA",
-    "EditHistory",
-    "RoutingDraft",
-    "SeenByHand",
-    "mark_hand_edit",
-    "seen_by_hand",
-]

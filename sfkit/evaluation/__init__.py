@@ -15,18 +15,3 @@ if TYPE_CHECKING:
     from sfkit.evaluation.validation import validation_scorer
 else:
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = [
-    "CombinedScorer",
-    "Compute",
-    "Estimate",
-    "Evaluation",
-    "EvaluationStore",
-    "Evaluator",
-    "Outcome",
-    "Scorer",
-    "estimate",
-    "pivot",
-    "score_recipes",
-    "validation_scorer",
-]

@@ -17,24 +17,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.metric import D1, D1_PIXELS, EPE, Map, Mask, Metric, Ratio, bad_pixels
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, unknown_name
-from sfkit.evaluation.regions import EDGE_PIXELS, Regions, edge_mask, regions_of
-
-__all__ = [
-    "EDGE_PIXELS",
-    "REGIONS",
-    "THRESHOLDS",
-    "ImageErrors",
-    "Metric",
-    "Quantities",
-    "RegionErrors",
-    "bad",
-    "count_errors",
-    "d1",
-    "edge_mask",
-    "epe",
-    "image_errors",
-    "thresholds_for",
-]
+from sfkit.evaluation.regions import Regions, regions_of
 
 THRESHOLDS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
 REGIONS = ("all", "visible", "occluded", "edge")

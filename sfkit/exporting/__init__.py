@@ -1,5 +1,3 @@
 """A network out of sfkit: ONNX, torch.export, TorchScript, or the checkpoint its training code reads."""
 
 from sfkit.exporting.export import Exported, Form, export_network
-
-__all__ = ["Exported", "Form", "export_network"]

@@ -6,18 +6,3 @@ from sfkit.factory.report import report_values
 from sfkit.factory.run import Cost, FactoryResult, run
 from sfkit.factory.status import Item, most_evaluations, status
 from sfkit.factory.training import train_missing, train_one
-
-__all__ = [
-    "Cost",
-    "Factory",
-    "FactoryResult",
-    "Item",
-    "most_evaluations",
-    "read_factory",
-    "report_values",
-    "run",
-    "status",
-    "train_missing",
-    "train_one",
-    "write_example",
-]

@@ -12,5 +12,3 @@ if TYPE_CHECKING:
     from sfkit.merging.recipe import Recipe, routed
 else:
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = ["BlockPartition", "LiveModel", "Pool", "Recipe", "open_pool", "routed"]

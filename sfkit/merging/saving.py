@@ -16,11 +16,9 @@ from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.errors import InputError
 from sfkit.files import write_text
 from sfkit.merging.members import Checked
-from sfkit.merging.origin import BELONGS, Origin, read_origin, read_recipe, sidecar_of
+from sfkit.merging.origin import BELONGS, sidecar_of
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
-
-__all__ = ["Origin", "origin_metadata", "read_origin", "read_recipe", "save_merged"]
 
 
 def origin_metadata(pool: Pool, recipe: Recipe) -> dict[str, str]:

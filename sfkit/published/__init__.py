@@ -6,5 +6,3 @@
 """
 
 from sfkit.published.tables import BENCHMARKS, LABELS, SOURCES, PublishedTable, published, published_table
-
-__all__ = ["BENCHMARKS", "LABELS", "SOURCES", "PublishedTable", "published", "published_table"]

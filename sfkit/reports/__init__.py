@@ -11,12 +11,3 @@ if TYPE_CHECKING:
     from sfkit.reports.run import ReportError, report
 else:  # a notebook that states a conclusion needs none of papermill and nbconvert
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = [
-    "Conclusion",
-    "ReportError",
-    "notebook_parameters",
-    "notebook_path",
-    "read_parameters",
-    "report",
-]

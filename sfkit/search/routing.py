@@ -33,8 +33,6 @@ from sfkit.search.routing_records import (
 )
 from sfkit.search.scoring import score_once
 
-__all__ = ["RoutingCandidate", "RoutingSearch", "RoutingState"]
-
 
 def encoding_of(
     subset: tuple[str, ...], blocks: tuple[str, ...], settings: RoutingSettings, constraints: Constraints

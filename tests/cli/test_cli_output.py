@@ -24,7 +24,7 @@ from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.cli.app import app
 from sfkit.evaluation import EvaluationStore
 from sfkit.merging import LiveModel, Recipe, open_pool
-from sfkit.merging.saving import read_recipe
+from sfkit.merging.origin import read_recipe
 
 PAIRS = "-b pairs -r pairs"
 

@@ -13,14 +13,9 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from sfkit.datasets.calibration import read_calibration
-from sfkit.datasets.formats import (
-    Coding,
-    read_disparity,
-    read_image,
-    read_pfm,
-    write_disparity_png16,
-    write_pfm,
-)
+from sfkit.datasets.formats import Coding, read_disparity, read_pfm, write_disparity_png16
+from sfkit.datasets.images import read_image
+from sfkit.datasets.pfm import write_pfm
 from sfkit.errors import InputError
 
 Writer = Callable[[Path, NDArray[np.generic]], Path]

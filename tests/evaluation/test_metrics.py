@@ -17,17 +17,16 @@ from sfkit.datasets.formats import read_disparity
 from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError
 from sfkit.evaluation.metrics import (
-    EDGE_PIXELS,
     THRESHOLDS,
     ImageErrors,
     Metric,
     bad,
     d1,
-    edge_mask,
     epe,
     image_errors,
     thresholds_for,
 )
+from sfkit.evaluation.regions import EDGE_PIXELS, edge_mask
 
 # Errors 0, 1, 2, 4, 10 and 40 at truths 10, 20, 30, 50, 400 and 100; the seventh pixel is unknown.
 TRUTH = np.array([[10, 20, 30, 50, 400, 100, np.nan]], np.float32)

@@ -16,7 +16,7 @@ import sfkit
 from sfkit.checkpoints.checks import check_values
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.merging.saving import read_origin, read_recipe
+from sfkit.merging.origin import read_origin, read_recipe
 from sfkit.search.plan import SearchPlan
 
 LEVELS = {"low": 4.0, "high": 12.0}

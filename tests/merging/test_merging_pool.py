@@ -21,7 +21,8 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.network import load_network
-from sfkit.merging.saving import read_origin, read_recipe, save_merged
+from sfkit.merging.origin import read_origin, read_recipe
+from sfkit.merging.saving import save_merged
 
 
 @pytest.fixture(scope="module")

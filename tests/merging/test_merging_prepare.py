@@ -19,8 +19,9 @@ from sfkit.evaluation.engines.shared_pool import SharedPool
 from sfkit.merging import BlockPartition, Pool, Recipe, open_pool
 from sfkit.merging import prepare as prepare_module
 from sfkit.merging.cache import VectorCache
+from sfkit.merging.origin import read_origin, read_recipe
 from sfkit.merging.prepare import measured
-from sfkit.merging.saving import read_origin, read_recipe, save_merged
+from sfkit.merging.saving import save_merged
 from sfkit.merging.sparsity import Thresholds
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 

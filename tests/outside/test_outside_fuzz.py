@@ -31,7 +31,7 @@ from sfkit.datasets.manifests import read_manifest
 from sfkit.datasets.tables import find_in_table
 from sfkit.errors import InputError
 from sfkit.merging import Recipe
-from sfkit.merging.saving import read_origin, read_recipe
+from sfkit.merging.origin import read_origin, read_recipe
 from sfkit.outside import read_toml
 from sfkit.search.runs import read_run
 

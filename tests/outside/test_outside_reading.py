@@ -19,7 +19,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.exchange import import_evaluations
 from sfkit.evaluation.store import Evaluation, EvaluationStore
 from sfkit.merging import Recipe
-from sfkit.merging.saving import read_recipe
+from sfkit.merging.origin import read_recipe
 from sfkit.outside import DEPTH, parse_json, read_toml
 from sfkit.search.journal import read_journal
 

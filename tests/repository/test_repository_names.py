@@ -34,3 +34,15 @@ def test_a_shared_name_is_found(tmp_path: Path) -> None:
         (tmp_path / "kit" / room).mkdir(parents=True)
         (tmp_path / "kit" / room / "parts.py").write_text(text)
     assert shared_names([tmp_path / "kit"]) == {"Layer": ["kit/a/parts.py", "kit/b/parts.py"]}
+
+
+def test_only_what_people_import_from_lists_its_names() -> None:
+    listing = [
+        path.relative_to(ROOT).as_posix()
+        for folder in (ROOT / "sfkit", ROOT / "widgets")
+        for path in folder.rglob("*.py")
+        if "\n__all__ = " in path.read_text(encoding="utf-8")
+    ]
+    rooms = ("", "analysis/", "baselines/", "figures/", "search/")
+    fronts = [f"sfkit/{room}__init__.py" for room in rooms]
+    assert sorted(listing) == sorted([*fronts, "widgets/sfkit_widgets/__init__.py"])

@@ -84,7 +84,7 @@ ADDITIONS: dict[str, dict[str, str | Edits]] = {
             SQUARED = register_metric(Metric("squared", unit="px²", label="MSE", recorder=squared))
         ''',
         "sfkit/datasets/__init__.py": (
-            ("__all__ = [", "from sfkit.datasets.squared import SQUARED as SQUARED\n\n"),
+            ("if TYPE_CHECKING:", "from sfkit.datasets.squared import SQUARED\n\n"),
         ),
     },
     "a baseline": {

@@ -23,7 +23,7 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging import Pool, Recipe
-from sfkit.merging.saving import read_recipe
+from sfkit.merging.origin import read_recipe
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings, pipeline
 from sfkit.search.averaging import AVERAGED, Averaged, average, averaged_winner, resampled, winners
 from sfkit.search.journal import JournalledSearch, read_journal

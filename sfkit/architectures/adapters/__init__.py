@@ -5,5 +5,3 @@ belong to the version of what is built from it: change them, and no old score is
 """
 
 from sfkit.architectures.adapters import installed, openstereo, standalone
-
-__all__ = ["installed", "openstereo", "standalone"]

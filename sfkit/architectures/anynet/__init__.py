@@ -3,5 +3,3 @@
 from sfkit.architectures.anynet.aggregation import Route
 from sfkit.architectures.anynet.network import AnyNet, SlimAnyNet, StageTrace
 from sfkit.architectures.anynet.wide import WideAnyNet
-
-__all__ = ["AnyNet", "Route", "SlimAnyNet", "StageTrace", "WideAnyNet"]

@@ -18,11 +18,3 @@ from sfkit.architectures.foundation_stereo.builder import foundation_stereo
 from sfkit.architectures.foundation_stereo.hierarchical import hierarchical_disparity
 from sfkit.architectures.foundation_stereo.network import FoundationStereo, RefinementTrace
 from sfkit.architectures.foundation_stereo.options import options_from_config
-
-__all__ = [
-    "FoundationStereo",
-    "RefinementTrace",
-    "foundation_stereo",
-    "hierarchical_disparity",
-    "options_from_config",
-]

@@ -2,5 +2,3 @@
 
 from sfkit.architectures.nmrf.builders import Normalisation, nmrf_res, nmrf_swint
 from sfkit.architectures.nmrf.network import NMRF, Coarse, NMRFOutput
-
-__all__ = ["NMRF", "Coarse", "NMRFOutput", "Normalisation", "nmrf_res", "nmrf_swint"]

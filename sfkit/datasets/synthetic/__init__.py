@@ -2,5 +2,3 @@
 
 from sfkit.datasets.synthetic.domains import Domain, domains, worlds
 from sfkit.datasets.synthetic.pairs import SyntheticPair, synthetic_pair
-
-__all__ = ["Domain", "SyntheticPair", "domains", "synthetic_pair", "worlds"]

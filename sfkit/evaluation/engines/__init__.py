@@ -5,14 +5,3 @@ from sfkit.evaluation.engines.choice import Engine, check_pool, make_engine
 from sfkit.evaluation.engines.inline import InlineEngine
 from sfkit.evaluation.engines.runner import Runner
 from sfkit.evaluation.engines.worker import Result, Worker
-
-__all__ = [
-    "ENGINES",
-    "Engine",
-    "InlineEngine",
-    "Result",
-    "Runner",
-    "Worker",
-    "check_pool",
-    "make_engine",
-]
