@@ -65,4 +65,8 @@ Stages and scales (seed 0), then the metric and the benchmark that guide:
 
 {markdown(done.table("metrics", "fitness metric"))}
 
-{markdown(done.table("guides", "fitness"))}"""
+{markdown(done.table("guides", "fitness"))}
+
+The best subset of Stage 1 by the size of its population, over the seeds:
+
+{markdown(done.table("population", "population"))}"""

@@ -28,8 +28,8 @@ def section() -> str:
 STAGE1 = f"M = {verdict_rules.POPULATION}, T = {verdict_rules.GENERATIONS}"
 HEAD = f"""## Which rule should a verdict follow?
 
-`python benchmarks/verdict_rules.py` goes on where it was; {len(verdict_rules.jobs())} runs are
-planned, and what follows are those that are finished. In each both stages ({STAGE1},
+`python benchmarks/verdict_rules.py` (`--pool bank-sharp` for the sharp bank) goes on where it was, and what
+follows are the runs that are finished. In each both stages ({STAGE1},
 {verdict_rules.EVALUATIONS} evaluations) are guided by a few pairs, and every rule chooses among the
 same networks. Change: the chosen network's score minus that of Stage 1, on the guiding pairs and on
 unseen data sets, in points; **below 0 is better**. The last column sets each rule beside the best on

@@ -206,7 +206,7 @@ def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
     average = "--resamples 200, " if pairs > 1 else ""
     return (
         f"few pairs: what Stage 2 gains on {pairs} need not show elsewhere (docs/validation.md); {average}"
-        "--shrinkage 0.05 or more benchmarks (--also) help"
+        "--shrinkage 0.05 or more benchmarks (--also) may help"
     )
 
 
