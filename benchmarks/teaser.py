@@ -12,7 +12,6 @@ that an interrupted run goes on.
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +24,6 @@ from sfkit import bank
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.retraining import JOINT, retraining_against_merging
 from sfkit.bank.plan import bank_plan
-from sfkit.bank.sharp import JOINT as NETWORK
 from sfkit.checkpoints.spec import Member
 from sfkit.files import write_text
 from sfkit.merging import open_pool
@@ -84,12 +82,6 @@ def _searching(found: SearchResult, stage: str) -> float:
     return float(sum(spent.values()))
 
 
-def joint_seconds(name: str) -> float:
-    """Wall seconds of a bank's joint training, as its record has them."""
-    record = json.loads((bank.pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
-    return float(record[NETWORK]["seconds"])
-
-
 def main() -> None:
     """Measure one bank, and keep the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
@@ -107,8 +99,9 @@ def main() -> None:
     if (asked.joint is None) != (asked.seconds is None):
         parser.error("expected both of --joint and --seconds, or none: a time belongs to its network")
     torch.set_num_threads(1)  # as trainings were timed
-    joint = asked.joint or bank.joint_path(asked.pool)
-    seconds = joint_seconds(asked.pool) if asked.seconds is None else asked.seconds
+    joint, seconds = asked.joint, asked.seconds
+    if joint is None:
+        joint, seconds = bank.joint_path(asked.pool), bank.joint_training(asked.pool)[1]
     plan = SearchPlan(
         stage1=SubsetSettings(population=asked.population, generations=asked.generations, seed=asked.seed),
         stage2=RoutingSettings(evaluations=asked.evaluations, seed=asked.seed),

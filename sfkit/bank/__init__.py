@@ -57,6 +57,18 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
     return {source: float(r["seconds"]) for source, r in records.items() if source not in (BASE.name, JOINT)}
 
 
+def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, None]:
+    """A bank's network that was trained on all sources' scenes, and its wall seconds; None twice without one.
+
+    Raises:
+        InputError: no bank of that name.
+    """
+    folder = pool_path(name).parent
+    record = json.loads((folder / "trainings.json").read_text(encoding="utf-8")).get(JOINT)
+    path = folder / f"{JOINT}.safetensors"
+    return (path, float(record["seconds"])) if record and path.exists() else (None, None)
+
+
 def worlds(
     pool: object,
     benchmark: str | None,

@@ -132,3 +132,14 @@ def test_an_unknown_network_is_refused_and_one_without_joint_says_so(tmp_path: P
         bank.build(tmp_path / "out", "bank-sharp", only=["joind"])
     with pytest.raises(InputError, match=r"no joint network ships with 'bank-slim'"):
         bank.joint_path("bank-slim")
+    assert bank.joint_training("bank-slim") == (None, None)
+
+
+def test_a_joint_network_stands_beside_the_wall_seconds_of_its_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bank, "pool_path", lambda name: tmp_path / "pool.toml")
+    (tmp_path / "trainings.json").write_text('{"haze": {"seconds": 9.0}, "joint": {"seconds": 3600.5}}')
+    assert bank.joint_training("any") == (None, None), "its file is missing"
+    (tmp_path / "joint.safetensors").touch()
+    assert bank.joint_training("any") == (tmp_path / "joint.safetensors", 3600.5)
