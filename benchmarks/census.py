@@ -34,6 +34,7 @@ from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.datasets import Benchmark, Sample, memory_benchmark
 from sfkit.datasets.census import CHANCE, SCALES, CensusScale, CensusTarget
 from sfkit.datasets.training_sets import open_training_set
+from sfkit.evaluation.metrics import bad
 from sfkit.evaluation.self_check import consistency
 from sfkit.merging import Pool, Recipe
 from sfkit.merging.live import LiveModel
@@ -105,8 +106,7 @@ class Pair:
 
     def truth(self, map_: Map, threshold: float) -> float:
         """Percent of the pixels with ground truth that are off by more."""
-        known = np.isfinite(self.sample.disparity) & (self.sample.disparity > 0)
-        return 100.0 * float((np.abs(map_ - self.sample.disparity)[known] > threshold).mean())
+        return bad(map_, self.sample.disparity, threshold)
 
 
 def table(

@@ -21,9 +21,10 @@ from stages import printed
 import sfkit
 from sfkit import bank
 from sfkit.analysis.ranking import agreement, drawn_networks, rank_correlation, yardstick_recipes
-from sfkit.analysis.trust import Trust, is_collapsed, stability
+from sfkit.analysis.trust import Trust, signs_of, stability
 from sfkit.datasets import Sample
 from sfkit.datasets.census import SCALES, CensusTarget
+from sfkit.evaluation.metrics import bad
 from sfkit.merging import Pool
 from sfkit.merging.live import LiveModel
 
@@ -54,14 +55,9 @@ class World:
     def scores(self, live: LiveModel) -> list[tuple[float, float, float]]:
         """Of each pair bad-3.0, and census at the fine and at the coarse scale, in percent."""
         return [
-            (_bad(map_, sample), *(target.residual(map_).score for target in targets))
+            (bad(map_, sample.disparity, TRUE), *(target.residual(map_).score for target in targets))
             for map_, sample, targets in zip(self.maps(live), self.samples, self.targets, strict=True)
         ]
-
-
-def _bad(map_: NDArray[np.float32], sample: Sample) -> float:
-    known = np.isfinite(sample.disparity) & (sample.disparity > 0)
-    return 100.0 * float((np.abs(map_ - sample.disparity)[known] > TRUE).mean())
 
 
 def measure(pool: str, pairs: int, subsets: int, store: Path) -> list[dict[str, Any]]:
@@ -104,11 +100,7 @@ def _told(
     truth, fine, coarse = table.mean(axis=1).T
     census = table[..., 1:].mean(axis=2)
     agreed = agreement(census.mean(axis=1), truth, metric)
-    whole = [CensusTarget(sample.left, sample.right) for sample in world.samples]
-    seen = [
-        (target.texture, target.residual(map_).inside, float(is_collapsed(map_)))
-        for target, map_ in zip(whole, maps, strict=True)
-    ]
+    seen = [signs_of(sample, map_) for sample, map_ in zip(world.samples, maps, strict=True)]
     texture, inside, collapsed = np.mean(seen, axis=0).tolist()
     said = [
         Trust(labels, stability(census[usual]), texture, inside, collapsed, table.shape[1]).sentence

@@ -23,6 +23,7 @@ from sfkit.analysis.ranking import (
     yardstick_recipes,
 )
 from sfkit.datasets.census import CENSUS, CensusTarget
+from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
@@ -172,6 +173,13 @@ def is_collapsed(disparity: NDArray[np.floating[Any]]) -> bool:
     return bool(high - low < FLAT or high < FLAT)
 
 
+def signs_of(sample: Sample, disparity: NDArray[np.float32]) -> tuple[float, float, bool]:
+    """Of a pair and a map (H, W) in pixels: shares with texture and inside, and whether it is collapsed."""
+    target = CensusTarget(sample.left, sample.right)
+    finite = bool(np.isfinite(disparity).all())
+    return target.texture, target.residual(disparity).inside, not finite or is_collapsed(disparity)
+
+
 def trust(
     scorers: Evaluator | Sequence[Evaluator],
     recipes: Sequence[Recipe],
@@ -291,7 +299,5 @@ def _seen(
     rows = []
     for sample, pair in prepared:
         map_ = pair.window.crop(live.disparity(pair.left, pair.right)).numpy()
-        target = CensusTarget(sample.left, sample.right)
-        finite = bool(np.isfinite(map_).all())
-        rows.append((target.texture, target.residual(map_).inside, is_collapsed(map_) if finite else True))
+        rows.append(signs_of(sample, map_))
     return rows
