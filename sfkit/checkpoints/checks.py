@@ -120,6 +120,7 @@ def check_values(path: Path, key: str, tensor: torch.Tensor) -> None:
             f"{path}: {key!r} holds {count} values that are not finite, expected finite weights: "
             "the training that wrote it diverged"
         )
+    # Batch norm takes its root: below 0 every output would be NaN.
     if key.rpartition(".")[2] == "running_var" and float(ends[0]) < 0:
         raise InputError(
             f"{path}: {key!r} holds {int((tensor < 0).sum())} variances below 0, expected none: was it made "

@@ -162,6 +162,7 @@ def _sound_texts(path: Path) -> dict[str, str] | None:
         for dtype, shape, begin, end in sorted(shapes, key=lambda one: (one[2], one[3])):
             if not all(type(number) is int and number >= 0 for number in (*shape, begin, end)):
                 return None  # -2 * -2 and 4.0 are as many elements, and no shape
+            # Without gap or overlap, as safetensors itself demands: what is accepted here is accepted there.
             if 8 + length + begin != reached or end - begin != _BYTES[dtype] * math.prod(shape):
                 return None
             reached = 8 + length + end

@@ -42,6 +42,7 @@ class KinshipSums:
     def add(self, base: torch.Tensor, source: torch.Tensor) -> None:
         """Take one pair of tensors in; vectors and scalars are left out, for norm layers all look alike."""
         if base.ndim >= 2:
+            # In float64: a fine-tune's distance is a small difference of these sums.
             b, s = base.reshape(-1).double(), source.reshape(-1).double()
             self.base += float(b @ b)
             self.source += float(s @ s)

@@ -66,6 +66,7 @@ class Layout:
     def wrap(self, state: Mapping[str, torch.Tensor]) -> dict[str, Any]:
         """The dictionary a training script with this layout would have saved."""
         content: dict[str, Any] = self.name(state)
+        # From the inside out: a container may lie in another.
         for name in reversed(self.container.split(".") if self.container else ()):
             content = {name: content}
         return {**content, **self.beside} if self.container else content

@@ -52,6 +52,7 @@ class CensusScale:
         """One of each two opposite neighbours, as (rows, columns)."""
         high, wide = (side // 2 for side in self.window)
         every = [(dy, dx) for dy in range(-high, high + 1) for dx in range(-wide, wide + 1)]
+        # One of each two opposite neighbours: the other compares the same two pixels from its own centre.
         return every[len(every) // 2 + 1 :]
 
     @property
@@ -133,6 +134,7 @@ class CensusTarget:
         for level in self._levels:
             differing, seen = self._differing(level, map_)
             count = int(seen.sum())
+            # Whole numbers: the sum is the same on every device and number of threads.
             total = int(differing.mul_(seen).sum(dtype=torch.int64))
             shares.append(100.0 * total / (count * len(level.bits)) if count else CHANCE)
             inside = inside or count / seen.numel()
@@ -147,6 +149,7 @@ class CensusTarget:
 
         map_ = self._tensor(disparity)
         finite = torch.isfinite(map_)
+        # A pixel without a value is dropped at the end; NaN is no column to gather.
         held = torch.where(finite, map_, torch.zeros_like(map_))
         parts = []
         for level in self._levels:
@@ -218,6 +221,7 @@ def _smoothed(image: torch.Tensor, scale: CensusScale) -> torch.Tensor:
         kernel = torch.exp(-(x**2) / (2 * scale.sigma**2))
         kernel /= kernel.sum()
         padded = F.pad(image[None, None], (reach,) * 4, mode="replicate")
+        # A Gaussian is separable: two passes of 2 r + 1 weights, not one of their square.
         rows = F.conv2d(padded, kernel.view(1, 1, 1, -1))
         image = F.conv2d(rows, kernel.view(1, 1, -1, 1))[0, 0]
     return image[:: scale.step, :: scale.step].contiguous()
@@ -231,6 +235,7 @@ def _warped(right: torch.Tensor, disparity: torch.Tensor) -> tuple[torch.Tensor,
     match = torch.arange(last + 1, dtype=torch.float32, device=right.device) - disparity
     inside = (match >= 0) & (match <= last)
     match = match.clamp_(0, last)
+    # One column short of the last, so that there is always a next one to interpolate with.
     whole = match.floor().clamp_(max=last - 1)
     part = match.sub_(whole)
     column = whole.long()

@@ -23,6 +23,7 @@ def problems(sample: Sample, *, labelled: bool = True) -> tuple[str, ...]:
         if (image == image[:1, :1]).all()
     ]
     found += flat
+    # Two flat images are equal as well, and were told of already.
     if not flat and np.array_equal(sample.left, sample.right):
         found.append("left and right are the same image; give the two views of the pair")
     if known.any() and (share := float((sample.disparity[known] > sample.size[1]).mean())) > 0:
@@ -40,9 +41,11 @@ def warnings(sample: Sample, pixels: int = PIXELS) -> tuple[str, ...]:
     if known.any() and not np.array_equal(sample.left, sample.right):
         seen = check_ground_truth(sample.left, sample.right, sample.disparity, pixels=pixels)
         found += [seen.doubt] if seen.doubt else []
+    # Without ground truth the images themselves are all that can tell.
     if not known.any() and not np.array_equal(sample.left, sample.right):
         seen_order = compare_orders(sample.left, sample.right).doubt
         found += [seen_order] if seen_order else []
+    # A match lies d to the left: beyond column d it is outside, as few points of a right scale are.
     columns = np.broadcast_to(np.arange(sample.size[1]), sample.size)
     if known.any() and (outside := float((sample.disparity > columns)[known].mean())) > OUTSIDE_SHARE:
         found.append(

@@ -55,6 +55,7 @@ def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
     entries = [f for f in sorted(root.iterdir()) if not f.name.startswith(".")]
     folders = [f for f in entries if f.is_dir()]
     links = [f.name for f in entries if f.is_symlink() and not f.exists()]
+    # The folder itself first: it may be one pair.
     for folder in [root, *folders]:
         inside(root, folder)
         own = hints if folder == root else {**hints, **_hints(folder)}

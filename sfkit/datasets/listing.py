@@ -109,6 +109,7 @@ def _ids(layout: PairLayout, root: Path, place: str, resolution: str | None) -> 
     if not folder.is_dir():
         return []
     before, _, after = parts[at].partition(ID)
+    # Names are matched on disk, not taken from the manifest: what is there beyond the list is told.
     wanted = re.compile(f"{re.escape(before)}({layout.id}){re.escape(after)}")
     names = (wanted.fullmatch(entry.name) for entry in folder.iterdir())
     rest = parts[at + 1 :]

@@ -58,6 +58,7 @@ def _small(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     scale = min(1.0, WIDTH / grey.shape[1])
     size = (max(8, round(grey.shape[1] * scale)), max(8, round(grey.shape[0] * scale)))
     small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+    # Less the local mean: the cameras' exposures may differ.
     local = small - cv2.blur(small, (2 * BLOCK + 1, 2 * BLOCK + 1))
     return np.asarray(local, dtype=np.float32)
 
@@ -66,6 +67,7 @@ def _best(first: NDArray[np.float32], second: NDArray[np.float32], disparities: 
     """The cost of the best match, of the columns that have one of every disparity to both sides."""
     best = np.full(first.shape, np.inf, np.float32)
     for disparity in disparities:
+        # Columns that roll round the edge are cut off below.
         cost = np.abs(first - np.roll(second, disparity, axis=1))
         np.minimum(best, cv2.blur(cost, (BLOCK, BLOCK)), out=best)
     reach = abs(disparities[-1]) + BLOCK

@@ -159,6 +159,7 @@ def check_ground_truth(
     for reading in READINGS:
         of, against = (second, first) if reading.exchanged else (first, second)
         theirs, also = _residuals(reading, of, against, rows, columns, shift, codes[reading.exchanged])
+        # On the pixels that both readings can judge: a smaller scale keeps more matches inside the image.
         both = inside & also
         if int(both.sum()) >= ENOUGH:
             others[reading.name] = (100 * float(theirs[both].mean()), 100 * float(as_read[both].mean()))
@@ -177,6 +178,7 @@ def _sampled(disparity: NDArray[np.floating[Any]], pixels: int) -> tuple[NDArray
     known[:edge], known[-edge:], known[:, :edge], known[:, -edge:] = False, False, False, False
     rows, columns = np.nonzero(known)
     if len(rows) > pixels:
+        # Evenly over the image and without a draw, so that a check says the same each time.
         chosen = np.linspace(0, len(rows) - 1, pixels).astype(np.intp)
         rows, columns = rows[chosen], columns[chosen]
     return rows, columns
@@ -192,6 +194,7 @@ def _codes(
     part = (columns - whole).astype(np.float32)
 
     def grey(dy: int, dx: int) -> NDArray[np.float32]:
+        # Between columns the grey values are interpolated, not the bits: disparities are not whole numbers.
         at = image[rows + dy, whole + dx]
         return at + part * (image[rows + dy, whole + dx + 1] - at)
 
@@ -212,6 +215,7 @@ def _residuals(
     width = left.shape[1]
     match = columns - reading.scale * shift
     inside = (match >= RADIUS) & (match <= width - RADIUS - 2)
+    # Any legal column does for those outside, whose answer is not used.
     there = np.where(inside, match, RADIUS)
     differing = np.not_equal(codes, _codes(right, rows - reading.rows, there)).mean(axis=0)
     return differing, inside

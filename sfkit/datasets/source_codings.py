@@ -52,6 +52,7 @@ def read_source_disparity(path: Path, coding: str) -> Map:
         constant, far = _numbers(coding, rest)
         stored = _DEPTHS[kind](path).astype(np.float64)
         known = np.isfinite(stored) & (stored > (NEAREST if kind == "depth-half" else 0)) & (stored < far)
+        # By 1 where nothing is known: a division by zero would warn, and its result is not taken.
         return np.where(known, constant / np.where(known, stored, 1.0), np.nan).astype(np.float32)
     return read_disparity(path, coding)
 

@@ -35,6 +35,7 @@ def find_in_table(table: Path, root: Path, coding: str | None = None) -> PairLis
     missing: dict[str, tuple[str, ...]] = {}
     for line, row in enumerate(_rows(table), start=2):
         where = f"{table}, line {line}"
+        # Not the bare file name, which is im0 in every folder.
         name = row.get("id") or PurePath(row["left"]).with_suffix("").as_posix()
         if name in missing or any(pair.id == name for pair in pairs):
             raise InputError(f"{where}: found the id {name!r} twice, expected each once; add a column 'id'")
@@ -61,6 +62,7 @@ def absent_files(table: Path, root: Path, found: PairListing) -> str:
 
 def _rows(table: Path) -> list[dict[str, str]]:
     try:
+        # utf-8-sig: spreadsheets put a byte order mark before the first column's name.
         reader = csv.DictReader(read_bytes(table).decode("utf-8-sig").splitlines(), strict=True)
         header = [column.strip() for column in reader.fieldnames or ()]
         reader.fieldnames = header

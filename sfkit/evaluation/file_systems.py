@@ -37,6 +37,7 @@ def file_system(path: Path, mounts: Path = Path("/proc/mounts")) -> str:
     place = Path(os.path.realpath(path))
     best, kind = -1, ""
     for target, fstype in _mounted(mounts):
+        # The deepest mount point counts; of two at one place the later one hides the earlier.
         if place.is_relative_to(target) and len(target.parts) >= best:
             best, kind = len(target.parts), fstype
     return kind
@@ -45,6 +46,7 @@ def file_system(path: Path, mounts: Path = Path("/proc/mounts")) -> str:
 def _mounted(table: Path) -> Iterator[tuple[Path, str]]:
     if table.is_file():
         for line in table.read_text(encoding="utf-8", errors="surrogateescape").splitlines():
+            # A space in a mount point is written as \040, and so on.
             _, point, fstype, *_ = line.split(" ")
             yield Path(re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), point)), fstype
         return

@@ -41,6 +41,7 @@ def depth_of(disparity: NDArray[np.float32], calibration: Calibration) -> NDArra
     """
     calibration.check_size(*disparity.shape)
     shifted = disparity + calibration.doffs
+    # What divides by 0 here is infinitely far, and set so below.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         depth = calibration.focal * calibration.baseline / shifted
     return np.where((shifted > 0) & np.isfinite(shifted), depth, np.inf).astype(np.float32)
@@ -69,6 +70,7 @@ def point_cloud(
     centre = ensure_centre(calibration)
     if image.shape != (*disparity.shape, 3):
         raise InputError(f"image: has the shape {image.shape}, expected {(*disparity.shape, 3)}")
+    # x and y grow with the depth: float32 would lose millimetres far away.
     depth = depth_of(np.asarray(disparity), calibration).astype(np.float64)
     known = np.isfinite(depth) & (depth <= (np.inf if farthest is None else farthest))
     if keep is not None:

@@ -149,6 +149,7 @@ class PredictionPlan:
         ensure_folder(out)
         plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), outputs or Outputs())
         plan._check_targets(overwrite=overwrite)
+        # All pairs are read before any is predicted: what cannot be read is told before hours of work.
         sizes = [plan.outputs.check_size(_read_pair(left, right)[0]) for left, right in pairs]
         if plan.outputs.calibration is not None:
             _ensure_one_camera(plan.pairs, sizes)
@@ -167,6 +168,7 @@ class PredictionPlan:
         written |= {image for pair in self.pairs for image in pair}
         for stem in self.stems:
             there = {kind for kind in KINDS if stem.with_name(stem.name + kind).is_file()}
+            # Both pictures tell a prediction's files from what else is called so.
             if there.issuperset(PICTURES.values()):
                 found = (stem.with_name(stem.name + kind) for kind in KINDS if kind in there)
                 yield from (path for path in found if path not in written)

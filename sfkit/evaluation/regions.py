@@ -54,6 +54,7 @@ class Regions:
         near = {}
         for region, mask in masks.items():
             positions = np.flatnonzero(mask.ravel().take(used))
+            # None stands for all: the usual region needs no gathering then, for every network anew.
             inside[region] = None if len(positions) == len(used) else positions
             own = bounds.take(positions)
             large = np.flatnonzero(own > D1_PIXELS)

@@ -160,11 +160,13 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
     for (name, protocol, metric, role), part in scores.groupby(columns, sort=False):
         names = (str(name), str(protocol), str(metric), str(part["unit"].iloc[0]))
         title = column_name(*names, guided=role == "validation")
+        # By network, not by position: a benchmark may have been scored for some of them only.
         table[title] = part.set_index("network")["score"]
     if mean:
         reported = scores[scores["role"] == "reported"]
         for (metric, unit), part in reported.groupby(["metric", "unit"], sort=False):
             if part["benchmark"].nunique() > 1:
+                # Not skipping NaN: a network that failed somewhere has no mean to be praised for.
                 by_network = part.groupby("network")["score"]
                 table[f"mean {metric} [{unit}]"] = by_network.agg(lambda column: column.mean(skipna=False))
     return table

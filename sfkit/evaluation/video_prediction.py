@@ -79,6 +79,7 @@ class VideoPlan:
             raise InputError(f"{plan.overview}: is one of the videos, choose another folder for the results")
         for target in (plan.overview, *plan._left_over()):
             ensure_free(target, overwrite=overwrite)
+        # The first frame alone: reading all would take as long as predicting them.
         left, _ = next(video.pairs())
         plan.outputs.check_size(left)
         return plan
@@ -92,6 +93,7 @@ class VideoPlan:
     def length(self) -> int | None:
         """Frames that will be predicted, as far as the files announce them."""
         announced = self.video.length
+        # Rounded up: the first frame is always predicted.
         return None if announced is None else -(-announced // self.every)
 
     def targets(self, number: int) -> dict[str, Path]:
@@ -112,6 +114,7 @@ class VideoPlan:
         return [
             path
             for name, path in sorted(names.items())
+            # By the number's six digits, so that another video's name that begins alike is no match.
             if name.startswith(head) and name[len(head) : len(head) + 6].isdigit() and name.endswith(endings)
         ]
 

@@ -135,6 +135,7 @@ def averaged_winner(
     for search in searches:
         if isinstance(search, RoutingSearch):
             check_choice(search.settings)
+    # One entry a recipe: what both stages scored must not have its wins counted apart.
     found: dict[Recipe, tuple[str, Candidate]] = {}
     for search in searches:
         for candidate in search.candidates:
@@ -144,6 +145,7 @@ def averaged_winner(
         raise InputError("averaged winner: found no candidate with a finite score, expected at least one")
     recipes = list(found)
     won = Counter(winners(resampled(scorer, recipes, resamples, seed)))
+    # Ties by number: the average sums floats in this order, the same on every run.
     ranked = sorted(won.items(), key=lambda entry: (-entry[1], entry[0]))
     wins = tuple(Win(*found[recipes[number]], wins=count) for number, count in ranked)
     recipe = average({win.candidate.recipe: win.wins for win in wins}, evaluators[0].pool.names)
@@ -205,6 +207,7 @@ def resampled(scorer: Scorer, recipes: Sequence[Recipe], resamples: int, seed: i
         (size,), (table,) = sizes, tables
         drawn = _drawn(resamples, size, size, seed)
         return np.stack([_score(table, images) for images in drawn])
+    # A benchmark that is drawn twice is drawn with different pairs: every slot has draws of its own.
     slots = range(len(sizes))
     chosen = _drawn(resamples, len(sizes), len(sizes), seed)
     images = [[_drawn(resamples, n, n, seed, slot, b) for b, n in enumerate(sizes)] for slot in slots]

@@ -137,6 +137,7 @@ class Search(ABC, Generic[C]):
             InputError: the search is done.
             SfkitError: another thread is inside this search.
         """
+        # Not waiting: a second thread would then do a generation that nobody asked for.
         if not self._running.acquire(blocking=False):
             raise SfkitError(
                 f"{self.kind} search: another thread is stepping it: wait, or call request_stop()"

@@ -198,6 +198,7 @@ class BayesianSubsetSearch(SubsetSearch):
             for candidate, prediction in zip(self._scored(drafts, generation), told, strict=True)
         )
         candidates = (*state.candidates, *fresh)
+        # A source alone teaches the model and wins nothing.
         subsets = [c for c in candidates if not c.repeated and len(c.subset) >= SMALLEST]
         best = sorted(subsets, key=lambda c: c.rank)
         population = tuple(c.number for c in best[: self.settings.population])
@@ -208,6 +209,7 @@ class BayesianSubsetSearch(SubsetSearch):
 
     def _first(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
         """Starts, what is known, all sources together, then random subsets, each once."""
+        # By sorted genes: to a model a chromosome is a set, in whatever order a start gives it.
         drafts = {tuple(sorted(c)): Draft(c, (), ("start",)) for c in self._starts}
         for entry in self.known:
             if (chromosome := self._chromosome(entry.recipe)) is not None:
@@ -283,6 +285,7 @@ class BayesianSubsetSearch(SubsetSearch):
 
     def _unmet(self, met: Collection[Chromosome], rng: np.random.Generator) -> Chromosome:
         """A random subset nobody has scored; there is one."""
+        # Drawing is quick while much is left; near the end few draws are new, and the list is read instead.
         for _ in range(_TRIES):
             drawn = tuple(sorted(random_chromosome(self.space, rng)))
             if drawn not in met:

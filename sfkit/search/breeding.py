@@ -116,6 +116,7 @@ def bred(
     """
     ranks = [rank for _, rank in parents]
     offspring: list[Draft] = []
+    # In pairs: of an odd population there is one offspring more.
     while len(offspring) < settings.population:
         first = parents[tournament(ranks, rng)]
         second = parents[tournament(ranks, rng)]
@@ -139,6 +140,7 @@ def survivors(
         the pool, best first, each subset once.
     """
     if settings.survival == "truncation":
+        # By set: the same subset in another order would fill the population with copies.
         best: dict[frozenset[int], Rank] = {}
         for chromosome, rank in sorted(pool, key=lambda member: member[1]):
             best.setdefault(frozenset(chromosome), rank)
@@ -158,6 +160,7 @@ def _pair(
 ) -> tuple[Draft, Draft]:
     (one, (_, mother)), (other, (_, father)) = first, second
     if rng.random() >= settings.crossover:
+        # Where the paper is silent: with probability 1 - p_c offspring copy their parents.
         return Draft(one, (mother,), ("copy",)), Draft(other, (father,), ("copy",))
     one, other = crossover(one, other, space, rng)
     return Draft(one, (mother, father), ("crossover",)), Draft(other, (father, mother), ("crossover",))

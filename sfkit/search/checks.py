@@ -17,6 +17,7 @@ def require_whole(argument: str, value: object, least: int) -> int:
     Raises:
         InputError: naming the argument, what was found and what was expected.
     """
+    # To Python True is a whole number; as a setting it is a mistake.
     if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
         raise InputError(f"{argument}: found {value!r}, expected a whole number of at least {least}")
     return int(value)

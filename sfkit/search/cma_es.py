@@ -68,7 +68,10 @@ class CmaEs:
         self._asked: list[Vector] = []
         options = {
             "popsize": population,
+            # The search's own generator, anew for each iteration: nothing global is read, and a replay draws
+            # alike.
             "randn": lambda rows, columns: self._rng.standard_normal((rows, columns)),
+            # pycma seeds numpy's global state unless this is NaN.
             "seed": math.nan,
             "CMA_mirrors": 0,
             "tolfun": tolfun,

@@ -87,6 +87,7 @@ def subset_of(subset: Recipe | Iterable[str]) -> tuple[str, ...]:
     """
     if not isinstance(subset, Recipe):
         return distinct_names("subset", subset)
+    # A source that weighs nothing in every block takes no part, though the recipe lists it.
     rows = subset.weights
     return tuple(name for e, name in enumerate(subset.sources) if any(row[e] > 0 for row in rows))
 

@@ -93,6 +93,7 @@ class Encoding:
         sources, many = len(self.sources), x.shape[:-1]
         if self.rank is None:
             return x[..., : self._cut].reshape(*many, self.rows, sources)
+        # Entry r is a_r, then b_r: one reshape parts them for any number of vectors.
         factors = x[..., sources : self._cut].reshape(*many, int(self.rank), self.rows + sources)
         a, b = factors[..., : self.rows], factors[..., self.rows :]
         return np.asarray(x[..., None, :sources] + np.swapaxes(a, -1, -2) @ b)
@@ -105,6 +106,7 @@ class Encoding:
         """
         weights = [softmax(row) for row in self.logits(x)]
         scales = [scale_of(s, self.gamma) for s in x[self._cut :]]
+        # What x does not move stays as Stage 1 scored it: equal weights, and below a scale of 1.
         equal = (1.0 / len(self.sources),) * len(self.sources)
         row_of = dict.fromkeys(self.blocks, weights[0] if self.tied else equal)
         if not self.tied:
@@ -146,12 +148,14 @@ class Encoding:
         rows = (
             recipe.weights[:1] if self.tied else [recipe.weights[recipe.blocks.index(b)] for b in self.free]
         )
+        # Softmax undoes the log of weights that sum to 1, whatever is added to a row.
         logits = np.log(np.maximum(np.asarray(rows, dtype=np.float64), floor))
         logits -= logits.mean(axis=1, keepdims=True)
         routing = logits.ravel() if self.rank is None else self._factors(logits)
         if not self.scaled:
             return routing
         half = (self.gamma[1] - self.gamma[0]) / 2.0
+        # The inverse of scale_of: atanh is infinite on a bound, so that the clip comes first.
         scales = np.array([recipe.scales[recipe.blocks.index(block)] for block in self.free])
         bound = 1.0 - 2.0 * floor
         return np.concatenate([routing, 2.0 * np.arctanh(np.clip((scales - 1.0) / half, -bound, bound))])
@@ -206,6 +210,7 @@ class Encoding:
             low, high = (1.0, 1.0) if fixed else self.gamma
             if not low <= scale <= high:
                 raise InputError(f"{where} has the scale {scale:g}, expected it in [{low:g}, {high:g}]")
+            # With tolerance: weights that went through a file or a sum are equal up to rounding.
             unequal = any(abs(weight - equal) > _SUM_TOLERANCE for weight in row)
             if block in self.frozen and not self.tied and unequal:
                 raise InputError(f"{where} is frozen but has weights {list(row)}, expected equal ones")
@@ -232,5 +237,6 @@ def scale_of(s: float, gamma: tuple[float, float]) -> float:
 
 def mean_entropy(recipe: Recipe) -> float:
     """(1/B) sum over blocks of H(pi_b), in nats, between 0 and ln E (eq. 13 without lambda)."""
+    # w ln w goes to 0 with w, where the logarithm is refused.
     entropies = [-math.fsum(w * math.log(w) for w in row if w > 0.0) for row in recipe.weights]
     return math.fsum(entropies) / len(entropies)

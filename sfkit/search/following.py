@@ -40,6 +40,7 @@ class FollowedJournal:
                 found = self.path.stat()
             except FileNotFoundError:
                 return ()
+            # Size besides time: two records may be written within one tick of a file system's clock.
             seen = (found.st_size, found.st_mtime_ns)
             if seen != self._seen:
                 self._records = read_journal(self.path)

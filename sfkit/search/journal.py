@@ -58,6 +58,8 @@ class Journal:
         record = {"event": event, "time": datetime.now(UTC).isoformat(), **fields}
         lines = _line(record)
         try:
+            # Unbuffered: what was written is the system's, whatever happens to this process. Read for the
+            # last byte.
             with self.path.open("a+b", buffering=0) as file:
                 if _ends_inside_a_line(file):
                     lines = b"\n" + _line({"event": "resumed", "time": record["time"]}) + lines
@@ -88,6 +90,7 @@ def read_journal(path: str | os.PathLike[str]) -> tuple[Record, ...]:
     lines = [line for line in file.read_bytes().split(b"\n") if line]
     parsed = [_parse(line) for line in lines]
     for number, record in enumerate(parsed):
+        # A kill may cut the last line, as it may the one before a search that goes on.
         after = parsed[number + 1] if number + 1 < len(parsed) else {"event": "resumed"}
         if record is None and (after is None or after.get("event") != "resumed"):
             raise InputError(
@@ -151,6 +154,7 @@ class JournalledSearch:
     def _read_all(self) -> None:
         """Read what viewers do, so that a record of another form is told here."""
         names = (*self.sources, *self.blocks)
+        # Reading is the check: each property raises where its record is of another form.
         said: tuple[object, ...] = (self.reason, self.generation, self.started, self.written)
         said += (self.counts, self.candidates, self.best)
         numbers = [float(value) for value in self.counts.values()]

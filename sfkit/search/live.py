@@ -122,6 +122,7 @@ class LiveSearch:
         """How far the search is, at this moment."""
         with self._changed:
             search, (counts, best) = self.search, self._summary()
+            # What the scorer reported of a generation that is over is in the search's own counts by now.
             within = self._within if self._within.after == search.generation else _NOTHING
             candidates = counts.candidates + round(within.done / within.every * next_size(search))
             ran = self._seconds()
@@ -166,12 +167,15 @@ class LiveSearch:
 
     def _summary(self) -> tuple[Counts, Best | None]:
         """Counts and best of the finished generations; looked up again only after a new one."""
+        # A state is frozen, so that its summary holds as long as it is the same object.
         if self._known is None or self._known[0] is not self.search.state:
             self._known = (self.search.state, self.search.counts, best_of(self.search))
         return self._known[1:]
 
     def _want(self, wanted: _Wanted) -> None:
         with self._changed:
+            # A stop that is under way is not taken back: the thread may be past the last look at what is
+            # wanted.
             if self.search.done or (self._wanted is _Wanted.STOP and self._alive()):
                 return
             self._wanted, self._error = wanted, None
@@ -260,4 +264,5 @@ class _Monitor:
         self.report, self.hold = live._report, live._hold
 
 
+# Weak on both sides: looking at a search must not keep it, or its networks, in memory.
 _LIVE: WeakKeyDictionary[Search[Any], ReferenceType[LiveSearch]] = WeakKeyDictionary()

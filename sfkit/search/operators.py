@@ -107,6 +107,7 @@ def repair(chromosome: Sequence[int], space: SubsetSpace, rng: np.random.Generat
     has it. Where constraints ask for it, missing required sources are appended and random others go
     until the largest size is met. A valid chromosome comes back as it is, without a draw.
     """
+    # Of equals the first stays, and so does the order, which crossover goes by.
     genes = list(dict.fromkeys(chromosome))
     genes += sorted(space.required - set(genes))
     while len(genes) > space.largest:
@@ -129,6 +130,7 @@ def crossover(
 def possible_mutations(chromosome: Chromosome, space: SubsetSpace) -> tuple[Mutation, ...]:
     """The operators that can act: insert needs room, delete needs more than the smallest size."""
     absent, removable = space.absent(chromosome), space.removable(chromosome)
+    # An operator that cannot act would make a copy, which costs a place in the population.
     able = {
         Mutation.REPLACE: bool(absent and removable),
         Mutation.INSERT: bool(absent) and len(chromosome) < space.largest,

@@ -141,6 +141,7 @@ class SearchPlan:
             "subset": self.subset,
             "constraints": asdict(self.constraints),
             "start": self.start and self.start.as_dict(),
+            # Left out at 0: searches from before there was this setting keep their identity.
             **({"resamples": self.resamples} if self.resamples else {}),
         }
 
@@ -161,6 +162,7 @@ class SearchPlan:
             "method": self.method,
             **self.describe(),
         }
+        # Through JSON, as the folder's file gives it back: a tuple and a list would differ.
         known: dict[str, Any] = json.loads(json.dumps(told, sort_keys=True))
         return known
 
@@ -208,6 +210,7 @@ class SearchPlan:
         subset = self.subset
         if subset is None:
             space = self.constraints.space(pool.names, pool.blocks)
+            # Which subset is asked matters nothing here; a smallest one is always at hand.
             first = [*space.required, *space.optional][: space.smallest]
             subset = tuple(pool.names[gene] for gene in sorted(first))
         if self.stage2 is not None:

@@ -116,6 +116,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         """Why no step is left, None where one is."""
         if len(self._state.candidates) >= self.settings.evaluations:
             return f"the budget of {self.settings.evaluations} evaluations is used up"
+        # Folds take turns: one optimiser that converged says nothing of the others.
         if self.settings.converge and self._state.stops and self.folds < 2:
             return f"CMA-ES has converged ({', '.join(self._state.stops)})"
         return None
@@ -167,6 +168,7 @@ class RoutingSearch(Search[RoutingCandidate]):
 
     def _turn(self, generation: int) -> int:
         """Whose turn it is among the folds' optimisers; there is one without folds."""
+        # Generation 0 is x = 0, which belongs to no fold.
         return max(generation - 1, 0) % max(self.folds, 1)
 
     def _average(self) -> Vector:
@@ -174,6 +176,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         equal = self.candidates[0]
         winners = []
         for fold in range(self.folds):
+            # x = 0 competes in every fold, so that a fold that found nothing pulls the mean back to it.
             found = [c for c in self.candidates if c.fold == fold and not c.failed]
             winners.append(np.array(min([equal, *found], key=lambda c: c.rank).x))
         return np.asarray(np.mean(winners, axis=0))
@@ -238,6 +241,8 @@ class RoutingSearch(Search[RoutingCandidate]):
                 sigma=distribution.sigma,
                 axes=distribution.axes,
                 fold=turn if self.folds == 1 or (self.folds and origin == "sample") else None,
+                # Folds hold out different pairs, of different difficulty: less what x = 0 has there, they
+                # compare.
                 reference=zero.parts[turn].held - zero.score if self.folds > 1 and zero.parts else 0.0,
             )
             for i, (x, origin, recipe, answer) in enumerate(
@@ -247,6 +252,7 @@ class RoutingSearch(Search[RoutingCandidate]):
 
     def _penalty(self, x: Vector, recipe: Recipe, zero: Outcome) -> float:
         entropy = self.settings.entropy * mean_entropy(recipe)
+        # In shares of x = 0's score: one weight then suits every metric and benchmark.
         at_zero = 0.0 if zero.failed or not math.isfinite(zero.score) else zero.score
         return entropy + self.settings.shrinkage * at_zero * self.encoding.distance(x)
 

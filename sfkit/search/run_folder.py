@@ -56,6 +56,7 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
     if not force:
         _refuse_other(path, identity)
     path.mkdir(parents=True, exist_ok=True)
+    # Not the thread's own: a notebook may begin a search in one thread and end it in another.
     lock = FileLock(path / LOCK, thread_local=False)
     try:
         lock.acquire(blocking=False)
@@ -71,6 +72,7 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
                 raise
             for name in OUTPUTS:  # nothing of another search may pass as this one's
                 (path / name).unlink(missing_ok=True)
+        # Before any output: what lies here is never without a word on whose it is.
         write_text(path / SEARCH, json.dumps(identity, indent=1) + "\n")
         yield RunFolder(path)
     finally:
@@ -117,6 +119,7 @@ def _refuse_other(path: Path, identity: Mapping[str, Any]) -> None:
 def _nameless(identity: object) -> object:
     if not isinstance(identity, Mapping):
         return identity
+    # A benchmark that was only given another name is the same benchmark.
     return {key: value for key, value in identity.items() if key != NAMES}
 
 

@@ -83,6 +83,7 @@ def find_runs(root: str | Path) -> tuple[Run, ...]:
         try:
             runs.append(read_run(path.parent))
         except InputError as error:
+            # One damaged folder must not hide the others.
             warnings.warn(str(error), SfkitWarning, stacklevel=2)
     begun = [run for run in runs if run.stages]
     return tuple(sorted(begun, key=lambda run: run.stages[-1].written, reverse=True))
@@ -181,6 +182,7 @@ def _facts(run: Run) -> dict[tuple[str, str], str]:
         results = {
             "state": stage.state.value,
             "best": stage.score,
+            # Sorted: two searches that found one subset agree in it, in whatever order.
             "subset": "+".join(sorted(stage.subset)),
             "evaluations": stage.counts["distinct"],
         }

@@ -36,6 +36,7 @@ def score_once(past: Iterable[Candidate], recipes: Sequence[Recipe], scorer: Sco
         SfkitError: the scorer did not answer with one outcome a recipe.
     """
     known = {candidate.recipe: candidate.outcome for candidate in past}
+    # One question for all that is new, so that an engine can share it out among its workers.
     new = tuple(dict.fromkeys(recipe for recipe in recipes if recipe not in known))
     fresh = dict(zip(new, _ask(scorer, new), strict=True))
     first = set(fresh)

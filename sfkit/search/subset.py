@@ -121,6 +121,7 @@ class SubsetSearch(Search[SubsetCandidate]):
 
     def recipe(self, chromosome: Chromosome) -> Recipe:
         """The equal-weight merge a chromosome stands for (eq. 4), its sources in the pool's order."""
+        # Sorted: order is for crossover alone, and one subset is one recipe, scored once.
         return Recipe.equal((self.sources[gene] for gene in sorted(chromosome)), self.blocks)
 
     def _advance(self) -> None:

@@ -70,6 +70,7 @@ def features(rows: Array, scales: Array) -> Points:
     """
     count, blocks, sources = rows.shape
     mean = rows.mean(axis=1)
+    # By sqrt(B), so that a length scale means the same for any number of blocks.
     apart = (rows - mean[:, None, :]).reshape(count, blocks * sources) / math.sqrt(blocks)
     return mean, apart, scales / math.sqrt(blocks)
 

@@ -112,6 +112,7 @@ def _offer(
 ) -> None:
     """Let the surface take the rays it is nearest to (the first of equals keeps them)."""
     seen = surface.field.at(x, y) if disparity is None else disparity
+    # A z-buffer in disparity: the larger one is nearer. The cheap test first, then the outline.
     wins = seen > hits.disparity[window]
     wins &= surface.covers(x, y, seen)
     hits.surface[window][wins] = index

@@ -44,6 +44,7 @@ class Composer:
     def backdrop(self) -> None:
         """A far plane behind everything, a little slanted."""
         span = 0.5 * min(self.domain.slant, 0.1)
+        # Tilted as far as its lowest corner keeps a positive disparity.
         room = 0.9 * (self.far - 0.6 * self.domain.disparity[0])
         slope_x, slope_y = self.rng.uniform(-span, span, size=2)
         shrink = min(1.0, room / (abs(slope_x) * self.width + abs(slope_y) * self.height / 2 + 1e-9))
@@ -55,6 +56,7 @@ class Composer:
 
     def ground(self) -> None:
         """A plane through the horizon, nearest at the bottom row."""
+        # A plane through the camera's horizon: disparity is 0 there and grows linearly downwards.
         slope = self.bottom / (self.height - self.horizon)
         plane = DisparityField((self.width / 2, self.horizon), 0.0, 0.0, slope)
         texture = ground_skin(
@@ -73,6 +75,7 @@ class Composer:
             edge = 0.5 + 0.5 * sign
             near = self.rng.uniform(0.6, 0.95) * self.near
             slope = sign * (near - self.far) / (abs(edge - end) * self.width)
+            # A slope of 1 would fold the right view over itself.
             slope = float(np.clip(slope, -STEEPEST, STEEPEST))
             field = DisparityField((end * self.width, self.height / 2), self.far, slope)
             corner, outer = end * self.width, (0.5 + 1.5 * sign) * self.width
@@ -131,6 +134,7 @@ class Composer:
 
     def _half_size(self, level: float) -> tuple[float, float]:
         """Half width and height in pixels; near things look larger."""
+        # Near things look larger, as in a camera; not in full, or far ones would be specks.
         closeness = 0.5 + 0.5 * level / self.near
         wide, high = self.rng.uniform(0.05, 0.16, size=2) * self.width * closeness
         return float(wide), float(high)
@@ -140,6 +144,7 @@ class Composer:
         x = float(self.rng.uniform(-0.02, 1.05) * self.width)
         y = float(self.rng.uniform(0.05, 0.95) * self.height)
         if self.has_ground:
+            # Where the ground has the thing's own disparity: it stands there, and does not float.
             foot = self.horizon + level / self.bottom * (self.height - self.horizon)
             return x, foot - half_height
         return x, y
@@ -172,6 +177,7 @@ class Composer:
         shrink = min(1.0, room / swing)
         if self.rng.random() >= self.domain.curved:
             return DisparityField(centre, level, float(slope_x * shrink), float(slope_y * shrink))
+        # Bulges towards the camera, within the domain's range and no steeper than it is wide.
         depth = min(self.rng.uniform(0.1, 0.3) * level, 0.9 * (level - low), 0.4 * min(reach))
         return DisparityField(
             centre, level, 0.0, 0.0, -0.5 * depth / reach[0] ** 2, -0.5 * depth / reach[1] ** 2

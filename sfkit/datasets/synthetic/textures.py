@@ -34,6 +34,7 @@ def ground_skin(tile: Array, horizon: float, scale: float, offset: tuple[float, 
     ``scale`` is the distance in rows below the horizon at which a texel is a pixel wide. A texel
     narrower than a pixel is averaged along x first (a chain of halved tiles), the same way in both views.
     """
+    # Halved again and again (a mip map): far ground would alias, and no matching could be right there.
     chain = [tile]
     while chain[-1].shape[0] > 3:
         half = cv2.resize(chain[-1], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
@@ -141,9 +142,11 @@ def _soft(pattern: Array) -> Array:
 
 def _two_colours(rng: Generator) -> tuple[Array, Array]:
     """Two colours whose brightness differs by at least 0.25, so that a pattern can be seen in grey too."""
+    # At least a quarter apart in lightness, so that grey images have the pattern, too.
     light = rng.uniform(0.45, 0.95)
     dark = rng.uniform(0.05, light - 0.25)
     hues = rng.normal(0.0, 0.08, size=(2, 3))
+    # Less their mean: hue must not change how light either is.
     pair = np.array([[dark], [light]]) + hues - hues.mean(axis=1, keepdims=True)
     first = int(rng.integers(2))
     return pair[first], pair[1 - first]
@@ -164,6 +167,7 @@ def _sample(texture: Array, u: Array, v: Array) -> Array:
 def _cell(u: Array, size: int) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.intp]], Array]:
     """The texel left of each mirrored coordinate, and the fraction beyond it (N, 1)."""
     span = size - 1
+    # Mirrored at its ends: a tile that repeats would have seams.
     folded = span - np.abs(np.mod(u, 2.0 * span) - span)
     cell = np.minimum(folded.astype(np.intp), span - 1)
     return cell, (folded - cell)[:, None]

@@ -111,6 +111,7 @@ class WorkerPlan:
         ensure_importable({type(pair).__module__ for pair in benchmark.pairs}, "a pair's class")
         for metric in quantities.own:
             ensure_importable([getattr(metric.recorder, "__module__", None)], f"metric {metric.name!r}")
+        # Files and names, no tensors: a worker opens the pool itself, and no gigabytes go through a pipe.
         made = (pool.spec, pool.preparation, pool.dtype, module, pool.architecture.code)
         how = (mode, Numerics.here(), threads)
         return cls(*made, benchmark, quantities, *how, identity(pool, benchmark))
@@ -132,6 +133,7 @@ class WorkerPlan:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SfkitWarning)  # the process that made the plan has warned
             opened = pool or written_as(prepare(open_pool(self.spec), *self.preparation), self.dtype)
+        # Files may have changed since, or be others on another machine.
         self._check(identity(opened, self.benchmark))
         inputs = opened.architecture.inputs(opened.options)
         prepared = PreparedBenchmark(self.benchmark, inputs, self.quantities)

@@ -31,6 +31,7 @@ class TensorBytes:
     @classmethod
     def of(cls, tensor: torch.Tensor) -> TensorBytes:
         """Share the memory of a contiguous tensor on the CPU, copy any other."""
+        # As bytes: numpy has no bfloat16.
         flat = tensor.detach().cpu().contiguous().reshape(-1).view(torch.uint8)
         return cls(flat.numpy(), tensor.dtype, tuple(tensor.shape))
 
