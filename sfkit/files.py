@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from sfkit.errors import InputError
+
 _NAME = 50  # characters of a name that a temporary one repeats: names end at 255 bytes
 PACKAGE = Path(__file__).resolve().parent
 
@@ -121,7 +123,13 @@ def trouble(path: Path) -> str | None:
 
 
 def home(path: str | os.PathLike[str]) -> Path:
-    """The path with ``~`` and ``~user`` replaced; one of a user who does not exist stays as it is."""
+    """The path with ``~`` and ``~user`` replaced; one of a user who does not exist stays as it is.
+
+    Raises:
+        InputError: a text from a file that holds a NUL.
+    """
+    if "\0" in os.fspath(path):  # whose length systems and libraries take for different ones
+        raise InputError(f"{str(path)!r}: is no name that a file can have, expected one without a NUL")
     try:
         return Path(path).expanduser()
     except RuntimeError:

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sfkit.errors import InputError
-from sfkit.files import home
+from sfkit.files import home, trouble
 
 GROUP = "sfkit.architectures"
 TRUST = "SFKIT_TRUST_CODE"  # "all", or digests with colons between; child processes inherit it
+FAILURES = (Exception, SystemExit)  # of another's code: a script ends the command as if it had worked
 IMPORT = "SFKIT_IMPORT"  # files that --import names, for child processes
 CONFIG = "SFKIT_CONFIG"
 
@@ -65,9 +66,9 @@ def run_file(path: str | Path, *, trusted: bool = False) -> tuple[Code, types.Mo
     Raises:
         InputError: there is no such file, it is not trusted, or it fails.
     """
+    if why := trouble(Path(path)):
+        raise InputError(f"{path}: {why}, expected Python code that registers an architecture")
     path = Path(path).resolve()
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected Python code that registers an architecture")
     text = path.read_text(encoding="utf-8", errors="replace")
     if not trusted:
         ensure_trusted(path, text)
@@ -101,7 +102,7 @@ def _execute(path: Path, text: str) -> tuple[Code, types.ModuleType]:
         with _beside(path.parent) as imported:
             # What a traceback and inspect show are the file's own lines.
             exec(compile(text, str(path), "exec"), module.__dict__)  # noqa: S102 (the user said so)
-    except Exception as error:
+    except FAILURES as error:
         del sys.modules[name]
         raise InputError(f"{path}: running it failed ({type(error).__name__}: {error})") from error
     parts = [text, *(p.read_text(encoding="utf-8", errors="replace") for p in sorted(imported))]
@@ -140,13 +141,13 @@ def import_from(folder: str | Path, module: str, attribute: str) -> Callable[...
     Raises:
         InputError: there is no such folder, module or class, or it cannot be imported.
     """
-    folder = home(folder).resolve()
+    folder = Path(os.path.realpath(home(folder)))  # links in a circle lead to no folder
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected a checkout with {module.replace('.', '/')}.py")
     try:
         with _beside(folder):
             found = getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # a package it needs may fail with anything, torchvision with RuntimeError
+    except FAILURES as error:  # a package it needs may fail with anything, torchvision with RuntimeError
         reason = f"{type(error).__name__}: {error}"
         raise InputError(
             f"{folder}: {module}.{attribute} cannot be imported ({reason}); is what this checkout asks for "
@@ -263,7 +264,7 @@ def declared(name: str) -> object | None:
     for entry in entry_points(group=GROUP, name=name):
         try:
             return entry.load()  # type: ignore[no-any-return]
-        except Exception as error:  # whatever another's code raises
+        except FAILURES as error:
             reason = str(error).partition("\n")[0] or type(error).__name__
             raise InputError(
                 f"architecture {name!r}: its package cannot be imported ({reason}; entry point {entry.value})"

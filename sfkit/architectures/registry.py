@@ -304,7 +304,7 @@ def _from_module(name: str, near: Path | None) -> None:
     code.ensure_module_trusted(module_name)
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
+    except code.FAILURES as error:
         raise InputError(f"architecture {name!r}: {module_name} cannot be imported ({error})") from error
     _register_plainly(name, _attribute(name, module, attribute))
 

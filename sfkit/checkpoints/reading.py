@@ -155,16 +155,7 @@ def _read_torch(path: Path, wrapping: Wrapping) -> CheckpointFile:
         content = load_inert(path, mapped=mapped)
     except pickle.UnpicklingError as error:
         raise InputError(_refusal(path, str(error))) from error
-    except (
-        RuntimeError,
-        EOFError,
-        OSError,
-        ValueError,
-        KeyError,
-        IndexError,
-        AttributeError,
-        TypeError,
-    ) as error:
+    except Exception as error:  # torch interprets the bytes one by one, and raises what that comes to
         reason = _first_sentence(str(error)) or type(error).__name__
         raise InputError(f"{path}: cannot be read ({reason}), expected a whole torch file") from error
     tensors, layout = unwrap(content, path, wrapping.container)

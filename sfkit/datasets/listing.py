@@ -147,7 +147,7 @@ def inside(root: Path, relative: PurePath | str) -> Path:
     except (OSError, ValueError) as error:
         if not isinstance(error, FileNotFoundError | NotADirectoryError):
             raise InputError(f"{str(relative)[:100]!r}: is no name of a file ({error.args[-1]})") from error
-    if not path.is_relative_to(root) and not path.resolve().is_relative_to(root):
+    if not path.is_relative_to(root) and not Path(os.path.realpath(path)).is_relative_to(root):
         raise InputError(
             f"{relative}: leads to {path}, expected a path under {root}; "
             "copy the file there, or give a folder that holds all files"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import zlib
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -59,20 +60,25 @@ def _dynamic_replica(root: Path, left: Path, groups: Groups) -> float:
         raise InputError(
             f"{left}: frame_annotations_{groups['split']}.jgz has no frame {error}, fetch it again"
         ) from error
-    height, width = one["image"]["size"]
-    view = one["viewpoint"]
-    # PyTorch3D: in isotropic NDC the shorter side spans 2, else the width does; x points left.
-    side = min(height, width) if view.get("intrinsics_format") == "ndc_isotropic" else width
-    focal = float(view["focal_length"][0]) * side / 2
-    baseline = abs(float(other["viewpoint"]["T"][0]) - float(view["T"][0]))
-    return float(focal * baseline)
+    try:
+        height, width = one["image"]["size"]
+        view = one["viewpoint"]
+        # PyTorch3D: in isotropic NDC the shorter side spans 2, else the width does; x points left.
+        side = min(height, width) if view.get("intrinsics_format") == "ndc_isotropic" else width
+        focal = float(view["focal_length"][0]) * side / 2
+        baseline = abs(float(other["viewpoint"]["T"][0]) - float(view["T"][0]))
+        return float(focal * baseline)
+    except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{left}: found no camera of it in frame_annotations_{groups['split']}.jgz ({error!r})"
+        ) from error
 
 
 @lru_cache(maxsize=4)
 def _annotations(path: Path) -> dict[tuple[str, str, int], Any]:
     try:
         text = gzip.decompress(read_bytes(path))
-    except (OSError, EOFError) as error:
+    except (OSError, EOFError, zlib.error) as error:
         raise InputError(f"{path}: is no gzip file ({error}), fetch it again") from error
     entries = _json(path, text)
     try:

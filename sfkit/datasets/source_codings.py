@@ -103,7 +103,7 @@ def _dsp5(path: Path) -> NDArray[Any]:
     try:
         with h5py.File(data, "r") as file:
             values = np.asarray(file["disparity"])
-    except (OSError, KeyError) as error:
+    except Exception as error:  # a group of that name, or what the bytes come to
         raise InputError(f"{path}: cannot be read ({error}), expected HDF5 with 'disparity' in it") from error
     if values.ndim != 2 or values.dtype.kind != "f":
         raise InputError(f"{path}: found {values.dtype} of shape {values.shape}, expected floats (2 H, 2 W)")
@@ -120,7 +120,7 @@ def _depth16(path: Path) -> NDArray[Any]:
 def _depth_npy(path: Path) -> NDArray[Any]:
     try:
         values = np.load(io.BytesIO(read_bytes(path)), allow_pickle=False)
-    except (ValueError, OSError, EOFError) as error:
+    except Exception as error:  # numpy raises what the bytes come to
         raise InputError(f"{path}: cannot be read ({error}), expected a numpy array of depths") from error
     if not isinstance(values, np.ndarray) or values.ndim != 2 or values.dtype.kind not in "fiu":
         raise InputError(f"{path}: found no (H, W) array of numbers, expected one")

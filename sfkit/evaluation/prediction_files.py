@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -175,11 +176,11 @@ class PredictionPlan:
 
     def _check_targets(self, *, overwrite: bool) -> None:
         # A link or another spelling must not hide that a result would replace its own image.
-        images = {image.resolve() for pair in self.pairs for image in pair}
+        images = {os.path.realpath(image) for pair in self.pairs for image in pair}
         claimed: dict[Path, Path] = {}
         for number, (left, _) in enumerate(self.pairs):
             for target in self.targets(number).values():
-                if target.resolve() in images:
+                if os.path.realpath(target) in images:  # where links lead in a circle, too
                     raise InputError(f"{target}: is one of the images, choose another folder for the results")
                 ensure_free(target, overwrite=overwrite)
                 if (other := claimed.setdefault(target, left)) != left:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -74,8 +75,8 @@ class VideoPlan:
         if video.right is not None:
             ensure_two(video.left, video.right)
         plan = cls(video, out / video.left.stem, outputs or Outputs(), every)
-        files = [path.resolve() for path in (video.left, video.right) if path is not None]
-        if plan.overview.resolve() in files:
+        files = [os.path.realpath(path) for path in (video.left, video.right) if path is not None]
+        if os.path.realpath(plan.overview) in files:
             raise InputError(f"{plan.overview}: is one of the videos, choose another folder for the results")
         for target in (plan.overview, *plan._left_over()):
             ensure_free(target, overwrite=overwrite)

@@ -168,9 +168,8 @@ def read_factory(path: str | Path) -> Factory:
         _order(path, name, table(entry, f"[sources.{name}] in {path}"), common)
         for name, entry in tables["sources"].items()
     )
-    guides = values["validation"]
-    guides = guides if isinstance(guides, list) else [guides]
-    given = tuple(_given(path, entry) for entry in (*guides, *values.get("tests", [])))
+    guides, tested = (_several(values.get(key, [])) for key in ("validation", "tests"))
+    given = tuple(_given(path, entry) for entry in (*guides, *tested))
     benchmarks = tuple(open_benchmarks(given))
     for benchmark in benchmarks:
         benchmark.ensure_scorable()
@@ -225,6 +224,11 @@ def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
     root = path.parent / home(text(entry["root"], f"{where}: root"))
     coding = None if "coding" not in entry else text(entry["coding"], f"{where}: coding")
     return open_training_set(name, root, hold_out=not _truth(entry, "all", where), coding=coding)
+
+
+def _several(value: object) -> list[Any]:
+    """The tables under ``[[key]]``, or the one under ``[key]``."""
+    return value if isinstance(value, list) else [value]
 
 
 def _given(path: Path, entry: Any) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from sfkit.search.subset import SubsetSearch
 
 METHODS = ("paper", "bayesian")
 """Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
+MOST_RESAMPLES = 10_000  # more take memory, and tell nothing that these did not
 _PROPOSED = BayesianSubsetSettings().generations
 _SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
 
@@ -55,6 +56,8 @@ class SearchPlan:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "resamples", require_whole("resamples", self.resamples, 0))
+        if self.resamples > MOST_RESAMPLES:
+            raise InputError(f"resamples: found {self.resamples}, expected at most {MOST_RESAMPLES}")
         if self.subset is not None and self.stage2 is None:
             raise InputError("found a subset and no Stage 2, expected something to search")
         if self.subset is None and self.start is not None:

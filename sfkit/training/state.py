@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,9 +36,11 @@ def last_state(folder: Path, identity: str) -> dict[str, Any] | None:
     states = _states(folder)
     for path in reversed(states):
         try:
-            state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
-        except (OSError, RuntimeError, EOFError, pickle.UnpicklingError):
+            state = torch.load(path, map_location="cpu", weights_only=True)
+        except Exception:  # torch interprets the bytes one by one, and raises what that comes to
             continue  # a disk may fail after the rename; the one before is kept for that
+        if not isinstance(state, dict):
+            continue
         if state.get("format") != FORMAT or state.get("identity") != identity:
             raise InputError(
                 f"{path}: is the state of another training (other base, data, network or settings), expected "

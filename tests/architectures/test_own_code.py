@@ -100,11 +100,15 @@ def test_two_checkouts_with_a_package_of_one_name_live_side_by_side(tmp_path: Pa
     assert built == ["raft", "igev"]
 
 
-@pytest.mark.parametrize("fails", ["import no_such_package", "raise RuntimeError('no operator')", "x = ("])
+@pytest.mark.parametrize(
+    "fails", ["import no_such_package", "raise RuntimeError('no operator')", "x = (", "exit()"]
+)
 def test_a_checkout_that_cannot_be_imported_is_told_in_a_sentence(fails: str, tmp_path: Path) -> None:
     (tmp_path / "broken_net.py").write_text(fails)
     for _ in range(2):
-        with pytest.raises(InputError, match=r"broken_net\.Net cannot be imported \(\w+Error: .*installed"):
+        with pytest.raises(
+            InputError, match=r"broken_net\.Net cannot be imported \(\w+(Error|Exit): .*installed"
+        ):
             code.import_from(tmp_path, "broken_net", "Net")
 
 
@@ -121,6 +125,18 @@ def test_a_checkout_that_cannot_be_imported_is_told_in_a_sentence(fails: str, tm
             'architecture = "x"\nmodule = "net.py"',
             lambda f: (f / "net.py").write_text("1 / 0"),
             r"net\.py: running it failed \(ZeroDivisionError",
+        ),
+        (
+            'architecture = "x"\nmodule = "net.py"',
+            lambda f: (f / "net.py").write_text(
+                "raise SystemExit(0)"
+            ),  # a script that works, and is no module
+            r"net\.py: running it failed \(SystemExit: 0",
+        ),
+        (
+            'architecture = "x"\nmodule = "net.py"',
+            lambda f: (f / "net.py").symlink_to("net.py"),
+            r"net\.py: is a link that leads in a circle",
         ),
         ('architecture = "no_such_module:Net"', lambda _: None, "'no_such_module' cannot be found"),
         (

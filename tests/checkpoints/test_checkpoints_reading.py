@@ -77,6 +77,15 @@ def test_truncated_files(tmp_path: Path, share: float, suffix: str) -> None:
         read_checkpoint(path)
 
 
+def test_whatever_a_torch_file_begins_with_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    """Found by the soak: the letter X alone is a text whose length is missing, a struct.error of torch's."""
+    path = tmp_path / "x.pth"
+    for first in range(256):
+        path.write_bytes(bytes([first]))
+        with pytest.raises(InputError, match=re.escape(str(path))):
+            read_checkpoint(path)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [

@@ -30,7 +30,7 @@ FINETUNE = "finetune pool/base.safetensors pairs -r pairs -a anynet -o x.safeten
 FACTORY = """name = "f"
 base = "pool/base.safetensors"
 architecture = "anynet"
-{joint}
+{more}
 [sources.{source}]
 data = "bank:haze"
 pairs = {pairs}
@@ -53,13 +53,20 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         value = {"deep": "[" * 100_000 + "]" * 100_000, "digits": "9" * 10_000}[name]
         (world / f"{name}.toml").write_text(f"seed = {value}")
         (world / f"{name}.json").write_text(value)
-    sound = {"joint": "", "source": "haze", "pairs": "2"}
+    sound = {"more": "", "source": "haze", "pairs": "2"}
     for name, edit in (
         *((name, {"source": name}) for name in ("uniform", "merged", "search")),
-        ("joint", {"joint": 'joint = "no"'}),
+        ("joint", {"more": 'joint = "no"'}),
+        ("tested", {"more": "tests = 5"}),
+        ("nul", {"more": 'out = "a\\u0000b"'}),
+        *(
+            (f"by-{name}", {"more": f'module = "{name}"'})
+            for name in ("loop", "pipe", "folder.pth", "a\\u0000")
+        ),
         ("pairs", {"pairs": '"2"'}),
     ):
         (world / f"{name}.toml").write_text(FACTORY.format(**{**sound, **edit}))
+    (world / "place.toml").write_text('out = "a\\u0000b"')
     (world / "loop").symlink_to("loop")
     (world / "nowhere").symlink_to("absent")
     (world / "folder.pth").mkdir()
@@ -186,6 +193,14 @@ DOORS = (
         for name in ("uniform", "merged", "search")
     ),
     ("factory status joint.toml", "joint: found 'no', expected true or false"),
+    ("factory status tested.toml", "found the benchmark 5, expected a table"),
+    ("factory status nul.toml", "'a\\x00b': is no name that a file can have"),
+    ("factory status by-loop.toml", "loop: is a link that leads in a circle, expected Python code"),
+    ("factory status by-pipe.toml", "pipe: is a pipe or a device, expected Python code"),
+    ("factory status by-folder.pth.toml", "folder.pth: is a folder, expected Python code"),
+    ("factory status by-a\\u0000.toml", "'a\\x00': is no name that a file can have"),
+    (f"search pool {PAIRS} --config place.toml", "'a\\x00b': is no name that a file can have"),
+    (f"search pool {PAIRS} --resamples 1000000000 -o new", "resamples: found 1000000000", "at most 10000"),
     ("factory status pairs.toml", "pairs: found '2', expected a whole number"),
     (f"merge pool --uniform -o {LATIN}.safetensors", "caf\\udce9.safetensors", "no UTF-8"),
 )

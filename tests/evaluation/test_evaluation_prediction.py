@@ -188,6 +188,13 @@ def test_overwriting_is_asked_for_and_never_reaches_an_image(pair: tuple[Path, P
         PredictionPlan.of([pair], tmp_path, Outputs("png16"), overwrite=True)
 
 
+def test_a_result_that_is_a_link_in_a_circle_is_replaced(pair: tuple[Path, Path], tmp_path: Path) -> None:
+    """It leads to none of the images, which it used to be asked by following it."""
+    (tmp_path / "left.pfm").symlink_to("left.pfm")
+    list(predict_files(given(disparities()), PredictionPlan.of([pair], tmp_path, overwrite=True)))
+    assert np.array_equal(read_pfm(tmp_path / "left.pfm"), disparities())
+
+
 def test_files_of_an_earlier_prediction_are_named(pair: tuple[Path, Path], tmp_path: Path) -> None:
     """Depth of other cameras beside the new disparity, say."""
     out, said = tmp_path / "out", disparities()

@@ -45,7 +45,7 @@ ROOMS = (
 # Rooms that know less than all that stands left of them.
 NARROW: dict[str, set[str]] = {
     "settings": set(),
-    "files": set(),
+    "files": {"errors"},
     "outside": {"errors", "files"},
     "streams": set(),
     "colours": set(),
