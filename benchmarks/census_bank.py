@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from stages import both, printed
+from stages import answered, both
 
 import sfkit
 from sfkit import bank, baselines
@@ -76,11 +76,6 @@ def _sentences(world: str, unlabelled: sfkit.Evaluator, labelled: sfkit.Evaluato
     return rows
 
 
-def line(row: dict[str, Any]) -> str:
-    """A row as text."""
-    return "  ".join(f"{value:8.2f}" if isinstance(value, float) else f"{value:16}" for value in row.values())
-
-
 OPTIONS = {
     "pool": "bank",
     "seeds": 2,
@@ -91,4 +86,4 @@ OPTIONS = {
 """Of the command line: pairs guide, and twice as many judge."""
 
 if __name__ == "__main__":
-    printed(__doc__, measure, OPTIONS, line)
+    answered(__doc__, measure, OPTIONS)

@@ -15,7 +15,7 @@ from typing import Any
 
 import evidence_real
 import torch
-from stages import both, printed
+from stages import answered, both
 
 import sfkit
 from sfkit import baselines
@@ -62,14 +62,8 @@ def measure(seeds: int, evaluations: int, store: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def line(row: dict[str, Any]) -> str:
-    """A row as text."""
-    errors = "  ".join(f"{name} {row[name]:6.2f}" for name in evidence_real.PAIRS)
-    return f"{row['guide']:16} {row['stage']:10} {row['seed']}  {errors}  {'+'.join(row['sources'])}"
-
-
 OPTIONS = {"seeds": 2, "evaluations": 150, "store": Path("runs/census_guides.sqlite")}
 """Of the command line."""
 
 if __name__ == "__main__":
-    printed(__doc__, measure, OPTIONS, line)
+    answered(__doc__, measure, OPTIONS)

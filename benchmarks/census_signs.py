@@ -22,7 +22,7 @@ import evidence_real
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stages import printed
+from stages import answered
 
 import sfkit
 from sfkit import bank
@@ -145,13 +145,8 @@ def measure(bank: Path, real: Path) -> list[dict[str, Any]]:
     return [*seen, *on_the_bank(bank, 8, 80)]
 
 
-def line(row: dict[str, Any]) -> str:
-    """A row as text."""
-    return "  ".join(f"{key} {value}" for key, value in row.items())
-
-
 OPTIONS = {"bank": Path("runs/census_bank.sqlite"), "real": Path("runs/census_guides.sqlite")}
 """Of the command line."""
 
 if __name__ == "__main__":
-    printed(__doc__, measure, OPTIONS, line)
+    answered(__doc__, measure, OPTIONS)

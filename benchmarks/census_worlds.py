@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stages import printed
+from stages import answered
 
 import sfkit
 from sfkit import bank
@@ -126,13 +126,8 @@ def _kept(store: Path) -> dict[tuple[str, str, int], tuple[float, ...]]:
         return {(w, name, int(n)): tuple(map(float, scores)) for w, name, n, *scores in csv.reader(stream)}
 
 
-def line(row: dict[str, Any]) -> str:
-    """A row as text."""
-    return "  ".join(f"{key} {v:.2f}" if isinstance(v, float) else f"{key} {v}" for key, v in row.items())
-
-
 OPTIONS = {"pool": "bank", "pairs": 8, "subsets": 63, "store": Path("runs/census_worlds.csv")}
 """Of the command line; a file for each pool and number of pairs."""
 
 if __name__ == "__main__":
-    printed(__doc__, measure, OPTIONS, line)
+    answered(__doc__, measure, OPTIONS)

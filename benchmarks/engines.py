@@ -20,7 +20,7 @@ from itertools import combinations, islice
 from typing import Any
 
 import torch
-from stages import Rows, answered
+from stages import answered
 
 from sfkit import open_benchmark, open_pool
 from sfkit.bank import VALIDATION
@@ -149,28 +149,12 @@ def row(run: Run, inline: Run) -> dict[str, Any]:
     }
 
 
-def rows(**options: Any) -> Rows:
+def rows(**options: Any) -> list[dict[str, Any]]:
     """What :func:`measure` says, as plain values."""
     return [row(run, inline) for run, inline in measure(**options)]
-
-
-def table(found: Rows) -> str:
-    """A line a run."""
-    head = "engine      workers  evaluations  start, s  all, s  s each  of inline  efficiency  overhead, ms"
-    return "\n".join(
-        [
-            head,
-            *(
-                f"{r['engine']:10} {r['workers']:8} {r['evaluations']:12} {r['start']:9.1f} "
-                f"{r['seconds']:7.2f} {r['each']:7.3f} {r['of_inline']:10.2f} {r['efficiency']:11.2f} "
-                f"{r['overhead_ms']:13.1f}"
-                for r in found
-            ),
-        ]
-    )
 
 
 OPTIONS = {"engines": ENGINES, "workers": WORKERS, "evaluations": 24, "pairs": 8}
 
 if __name__ == "__main__":
-    answered(__doc__, rows, OPTIONS, table)
+    answered(__doc__, rows, OPTIONS)

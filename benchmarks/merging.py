@@ -110,19 +110,5 @@ def rows(elements: Sequence[int], threads: Sequence[int]) -> dict[str, Any]:
     return {"bandwidth": bandwidths, "rows": [{**asdict(row), "ratio": row.ratio} for row in found]}
 
 
-def table(found: dict[str, Any]) -> str:
-    """Bandwidths, then a line a record."""
-    lines = [
-        f"{b['threads']} threads: copy {b['copy'] / 1e9:.1f} GB/s, triad {b['triad'] / 1e9:.1f} GB/s"
-        for b in found["bandwidth"]
-    ]
-    lines.append(f"{'variant':28s} {'elements':>12s} {'threads':>7s} {'ms a recipe':>12s} {'x limit':>8s}")
-    lines += [
-        f"{r['name']:28s} {r['elements']:12,d} {r['threads']:7d} {r['milliseconds']:12.1f} {r['ratio']:8.2f}"
-        for r in found["rows"]
-    ]
-    return "\n".join(lines)
-
-
 if __name__ == "__main__":
-    answered(__doc__, rows, {"elements": (50_000_000, 100_000_000), "threads": (1, 2)}, table)
+    answered(__doc__, rows, {"elements": (50_000_000, 100_000_000), "threads": (1, 2)})

@@ -218,23 +218,8 @@ def noise(pairs: int) -> Benchmark:
     )
 
 
-def table(found: dict[str, Any]) -> str:
-    """The shares, then a line a part."""
-    lines = [
-        f"{found['network']}, {found['evaluations']} evaluations of {found['pairs']} pairs, "
-        f"{found['seconds']:.1f} s: {100 * found['outside']:.2f} % outside the network "
-        f"({100 * found['outside_computing']:.2f} % of computing); {found['before']:.1f} s before",
-        f"{'part':24} {'share':>8}  {'of computing':>12}  {'ms an evaluation':>16}",
-    ]
-    for row in found["rows"]:
-        each = 1e3 * row["seconds"] / found["evaluations"]
-        shares = f"{100 * row['share']:6.2f} %  {100 * row['computing']:10.2f} %"
-        lines.append(f"{row['part']:24} {shares}  {each:16.2f}")
-    return "\n".join(lines)
-
-
 SIZES = {"pairs": 27, "population": 10, "generations": 2, "evaluations": 20}
 """Of the command line; ``evaluations`` are those of Stage 2."""
 
 if __name__ == "__main__":
-    answered(__doc__, measure, {**SIZES, "method": METHODS[0], "bank": False}, table)
+    answered(__doc__, measure, {**SIZES, "method": METHODS[0], "bank": False})

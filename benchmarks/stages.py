@@ -8,10 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+import pandas as pd
+
 import sfkit
 from sfkit.merging import Pool
-
-Rows = list[dict[str, Any]]
 
 
 def both(
@@ -33,22 +33,21 @@ def both(
     return first, second
 
 
-def printed(
-    about: str | None,
-    measure: Callable[..., Rows],
-    options: Mapping[str, Any],
-    line: Callable[[dict[str, Any]], str],
-    arguments: Sequence[str] | None = None,
-) -> None:
-    """As :func:`answered`, with ``line``, which makes a line of each row."""
-    answered(about, measure, options, lambda rows: "\n".join(map(line, rows)), arguments)
+def readable(found: Any) -> str:
+    """Rows as a table, and what a record holds by name."""
+    if not isinstance(found, Mapping):
+        return pd.DataFrame(found).to_string(index=False, float_format="{:.4g}".format)
+    parts = (
+        f"{name}:\n{readable(v)}" if isinstance(v, list) else f"{name}: {v}" for name, v in found.items()
+    )
+    return "\n".join(parts)
 
 
 def answered(
     about: str | None,
     measure: Callable[..., Any],
     options: Mapping[str, Any],
-    text: Callable[[Any], str],
+    text: Callable[[Any], str] = readable,
     arguments: Sequence[str] | None = None,
 ) -> None:
     """Measure what the command line asks for and print it as text, or JSON.
@@ -57,7 +56,7 @@ def answered(
         about: what ``--help`` says.
         measure: takes every option by its name.
         options: name -> default, whose type the option has; of a tuple several values, of False a switch.
-        text: of what was measured.
+        text: of what was measured; its rows as a table unless given.
         arguments: of the command line; the process's own unless given.
     """
     parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawTextHelpFormatter)
