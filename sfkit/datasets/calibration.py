@@ -64,6 +64,7 @@ class Calibration:
         for name, value in positive.items():
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise InputError(f"calibration: {name} is {value:g}, expected a finite number above 0")
+        # Not strict: without a centre there are fewer values than names.
         for name, value in zip(("doffs", "cx", "cy"), (self.doffs, *(self.centre or ())), strict=False):
             if not math.isfinite(value):
                 raise InputError(f"calibration: {name} is {value:g}, expected a finite number")
@@ -162,6 +163,7 @@ def _kitti(text: str, cameras: tuple[int, int] | None) -> Calibration:
         _Camera.of([*row[0:3], *row[4:7], *row[8:11]], f"P{n}")
         for n, row in ((one, rows[one]), (other, rows[other]))
     )
+    # A rectified pair has one focal length and rows that match; another is no pair to measure depth by.
     if abs(right.focal - left.focal) > _AGREE or abs(right.centre[1] - left.centre[1]) > _AGREE:
         raise InputError(f"P{one} and P{other} differ in focal length or cy, expected a rectified pair")
     # P = K [I | t]: its last column is focal * t, and the right camera stands at a smaller -t.

@@ -194,6 +194,7 @@ class CensusTarget:
         import torch
 
         step, margin = level.scale.step, level.scale.margin
+        # Every step-th pixel of a coarser image: disparities there are that much smaller.
         warped, inside = _warped(level.right, disparity[::step, ::step] / step)
         count = torch.zeros_like(level.bits[0], dtype=torch.uint8)
         for ours, theirs in zip(level.bits, _bits(warped, level.scale), strict=True):

@@ -145,6 +145,7 @@ def read_manifest(path: Path) -> Manifest:
     known: dict[str, Any] = {"ids": ids, "layouts": tuple(_layout(path, entry) for entry in layouts)}
     manifest: Manifest = _record(path, Manifest, data, known | tuples)
     check_name(path, manifest.name)
+    # Asked for what it refuses: an unknown family, here and not at the first pair.
     rule("all-valid", manifest.family)
     Metric.parse(manifest.metric)
     for place in manifest.places:

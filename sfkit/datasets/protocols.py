@@ -74,6 +74,7 @@ class Rule:
     def in_range(self, sample: Sample) -> Mask:
         """(H, W) bool: ground truth within the protocol's range, occluded pixels included."""
         truth = sample.disparity
+        # Unknown pixels are NaN, whose comparisons are False, as they should be, and warn.
         with np.errstate(invalid="ignore"):
             return np.asarray(np.isfinite(truth) & (truth > 0) & (truth < self.below))
 
@@ -121,6 +122,7 @@ class Rule:
             counts = [metric.ratio(image) for image in errors]
         else:
             counts = [(image.value(metric), 1.0) for image in errors]
+        # Sums and counts, not quotients: resamples of pooled metrics add both before they divide.
         numerators, denominators = np.array(counts, dtype=np.float64).reshape(-1, 2).T
         return numerators, denominators
 

@@ -85,6 +85,7 @@ def right_hits(surfaces: Sequence[Surface], x_right: Array) -> Hits:
         rows = _span(surface.box[2], surface.box[3], height)
         y = np.arange(rows.start, rows.stop, dtype=np.float64)[:, None]
         if y.size:
+            # Solved for the left image's column, where a surface's outline and colours live.
             x = surface.field.left_x(x_right[rows], y)
             _offer(hits, (rows, slice(0, width)), index, surface, x, y, x - x_right[rows])
     return hits

@@ -29,6 +29,7 @@ class Composer:
 
     def compose(self) -> list[Surface]:
         """Backdrop, ground, walls, things, thin things; the z-buffer, not the order, decides what shows."""
+        # In this order of draws: any other would be other scenes under the same seed.
         rng, domain = self.rng, self.domain
         self.backdrop()
         if self.has_ground:
@@ -95,6 +96,7 @@ class Composer:
         level = self._level()
         half_w, half_h = self._half_size(level)
         x, y = self._place(level, half_h)
+        # Two faces that meet in the nearest edge and fall back to either side.
         split = self.rng.uniform(0.3, 0.7) * 2 * half_w
         fall = self.rng.uniform(0.3, 1.0, size=2) * min(0.3 * level, 0.8 * (level - self.domain.disparity[0]))
         for width, drop, sign in ((split, fall[0], -1.0), (2 * half_w - split, fall[1], 1.0)):
@@ -153,6 +155,7 @@ class Composer:
         """An outline of about the given half size, and the half size of its bounding box."""
         kind = self.rng.choice(3)
         if kind == 0:
+            # What stands on the ground stands upright.
             angle = 0.0 if self.has_ground else float(self.rng.uniform(-0.6, 0.6))
             cos, sin = abs(np.cos(angle)), abs(np.sin(angle))
             return shapes.rectangle(*half, angle), (

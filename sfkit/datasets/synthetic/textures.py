@@ -87,6 +87,7 @@ def _paint(rng: Generator) -> Array:
 def _print(rng: Generator) -> Array:
     sheet = np.full((TILE, TILE), rng.uniform(0.2, 0.8))
     for _ in range(110):
+        # From beyond the edge, so that patches are cut there as anywhere.
         x, y = rng.integers(-20, TILE, size=2)
         w, h = rng.integers(6, 48, size=2)
         sheet[max(y, 0) : y + h, max(x, 0) : x + w] = rng.uniform(0.0, 1.0)
@@ -156,6 +157,7 @@ def _sample(texture: Array, u: Array, v: Array) -> Array:
     """Bilinear colours (N, 3) of a mirrored tile at texel coordinates u (columns) and v (rows)."""
     i, s = _cell(u, texture.shape[1])
     j, t = _cell(v, texture.shape[0])
+    # Flat indices: gathering by two index arrays takes longer.
     flat = texture.reshape(-1, 3)
     at = j * texture.shape[1] + i
     top = flat[at] * (1.0 - s) + flat[at + 1] * s
