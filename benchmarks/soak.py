@@ -1,10 +1,12 @@
 """The soak: searches killed at random moments, damaged files by the thousand; what passed, at what cost.
 
     python benchmarks/soak.py [--kills 200] [--fuzz 2000] [--parts kills fuzz engines faults] [--read]
+    python benchmarks/soak.py --parts fuzz --again "torch or csv"
 
 Runs the tests that ``make soak`` runs, part by part, and keeps what pytest says of each in ``build/soak``;
-``--read`` prints what lies there. A twentieth as many kills fall on each parallel engine. The part ``faults``
-is all tests of faults as ``make test`` runs them, for what they cost there.
+``--read`` prints what lies there. After a fault was mended ``--again`` runs once more those tests of which
+the name has a word; each counts by its last run. A twentieth as many kills fall on each parallel engine. The
+part ``faults`` is all tests of faults as ``make test`` runs them, for what they cost there.
 """
 
 from __future__ import annotations
@@ -92,8 +94,8 @@ class Part:
         return [name for name in self.passed if word in name]
 
 
-def run(name: str, kills: int, fuzz: int, log: Path) -> None:
-    """Run one part and keep what pytest says of it."""
+def run(name: str, kills: int, fuzz: int, log: Path, again: str = "") -> None:
+    """Run one part, or ``again`` its tests whose names match that, and keep what pytest says of it."""
     asked = {"kills": kills, "fuzz": fuzz, "engines": -(-kills // 20), "faults": len(FAULTS)}[name]
     more = {
         "SFKIT_FUZZ": str(fuzz),
@@ -103,9 +105,10 @@ def run(name: str, kills: int, fuzz: int, log: Path) -> None:
     }
     environment = {**os.environ, "OMP_NUM_THREADS": "1", **(more if name in SOAK else {})}
     words = [sys.executable, "-m", "pytest", "--slow", "-v", "-o", "faulthandler_timeout=0", *PARTS[name]]
+    words += ["-k", again] if again else []
     log.parent.mkdir(parents=True, exist_ok=True)
     before = _spent()
-    with log.open("w", encoding="utf-8") as stream:
+    with log.open("a" if again else "w", encoding="utf-8") as stream:
         stream.write(f"asked {asked}\n")
         stream.flush()
         subprocess.run(words, cwd=ROOT, env=environment, stdout=stream, stderr=stream, check=False)
@@ -114,15 +117,15 @@ def run(name: str, kills: int, fuzz: int, log: Path) -> None:
 
 def read(name: str, text: str) -> Part:
     """What a log says."""
-    ends = re.findall(r"::(\S+) .*?(PASSED|FAILED|ERROR)", text, re.DOTALL)
+    ends = dict(re.findall(r"^tests/\S+::(\S+) .*?(PASSED|FAILED|ERROR)", text, re.DOTALL | re.MULTILINE))
     asked = re.search(r"^asked (\d+)$", text, re.MULTILINE)
-    cpu = re.search(r"^cpu ([\d.]+)$", text, re.MULTILINE)
+    spent = [float(seconds) for seconds in re.findall(r"^cpu ([\d.]+)$", text, re.MULTILINE)]
     return Part(
         name,
         int(asked[1]) if asked else 0,
-        tuple(test for test, end in ends if end == "PASSED"),
-        tuple(test for test, end in ends if end != "PASSED"),
-        float(cpu[1]) if cpu else float("nan"),
+        tuple(test for test, end in ends.items() if end == "PASSED"),
+        tuple(test for test, end in ends.items() if end != "PASSED"),
+        sum(spent) if len(spent) == len(re.findall(r"^asked \d+$", text, re.MULTILINE)) else float("nan"),
     )
 
 
@@ -152,10 +155,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--fuzz", type=int, default=2000)
     parser.add_argument("--parts", nargs="*", choices=list(PARTS), default=list(PARTS))
+    parser.add_argument("--again", default="", metavar="WORDS", help="of each part, as pytest's -k")
     parser.add_argument("--read", action="store_true", help="run nothing")
     options = parser.parse_args(arguments)
     for name in () if options.read else options.parts:
-        run(name, options.kills, options.fuzz, LOGS / f"{name}.log")
+        run(name, options.kills, options.fuzz, LOGS / f"{name}.log", options.again)
     print(table(kept()))
 
 

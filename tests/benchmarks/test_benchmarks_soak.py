@@ -47,6 +47,18 @@ def test_readers_and_engines(soak: ModuleType) -> None:
     assert soak.read("engines", "asked 10\n").said == "no kill of a parallel search"
 
 
+def test_tests_that_were_run_again_count_by_their_last_run(soak: ModuleType) -> None:
+    place = "tests/outside/test_outside_fuzz.py::test_only_sentences_come_out"
+    first = f"asked 2000\n{place}[pfm] PASSED\n{place}[torch] FAILED\nE struct.error\ncpu 90.0\n"
+    part = soak.read("fuzz", f"{first}asked 2000\n{place}[torch] PASSED\ncpu 10.0\n")
+    assert (part.said, part.failed, part.seconds) == (
+        "4,000 damaged files, 2,000 for each of 2 readers",
+        (),
+        100.0,
+    )
+    assert math.isnan(soak.read("fuzz", f"{first}asked 2000\n").seconds), "stopped"
+
+
 def test_every_part_is_files_that_are_there_and_the_soak_s_those_of_make(soak: ModuleType) -> None:
     make = (FOLDER.parent / "Makefile").read_text()
     for name, files in soak.PARTS.items():

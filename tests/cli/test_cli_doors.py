@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import signal
 import socket
@@ -279,6 +280,26 @@ def test_a_disk_that_fills_leaves_no_file(shell: Shell, world: Path, monkeypatch
             for path in world.iterdir()
             if path.name.startswith((".full", "full.s")) or path.name == "full.pth"
         ]
+
+
+def test_a_prediction_that_a_disk_cannot_hold_leaves_no_part(
+    shell: Shell, world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cut .pfm used to stay, which blocked the next prediction."""
+    monkeypatch.undo()
+    monkeypatch.chdir(world)
+    shell("merge pool --uniform -o held.safetensors")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    former = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (6000, limits[1]))
+        _, errors = shell(f"predict held.safetensors -l {LEFT} -r {RIGHT} -o cut", code=2)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, former)
+    assert "error: File too large: make room and start again" in errors
+    assert list((world / "cut").iterdir()) == []
+    shell(f"predict held.safetensors -l {LEFT} -r {RIGHT} -o cut")
 
 
 def test_a_cluster_that_does_not_answer(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
