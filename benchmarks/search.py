@@ -50,7 +50,7 @@ def genetic(settings: SubsetSettings, *, fresh: bool = False) -> Search:
         seen: set[int] = set()
         numbered: list[tuple[Chromosome, tuple[float, int]]] = []
 
-        def hear(drafts: Sequence[Draft], rng: np.random.Generator) -> list[tuple[float, int]]:
+        def ranked(drafts: Sequence[Draft], rng: np.random.Generator) -> list[tuple[float, int]]:
             ranks = []
             for draft in drafts:
                 chromosome = draft.chromosome
@@ -66,11 +66,11 @@ def genetic(settings: SubsetSettings, *, fresh: bool = False) -> Search:
             return ranks
 
         rng = np.random.default_rng([seed, 1, 0])
-        population = hear(initial(settings, land.space, (), rng), rng)
+        population = ranked(initial(settings, land.space, (), rng), rng)
         for generation in range(1, settings.generations + 1):
             rng = np.random.default_rng([seed, 1, generation])
             parents = [numbered[number] for _, number in population]
-            offspring = hear(bred(parents, settings, land.space, rng), rng)
+            offspring = ranked(bred(parents, settings, land.space, rng), rng)
             pool = [numbered[number] for _, number in (*population, *offspring)]
             population = list(survivors(pool, settings, rng))
         return met

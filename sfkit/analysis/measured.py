@@ -156,8 +156,8 @@ def measure_with(
     found = []
     for evaluator in evaluators:
         benchmark = evaluator.benchmark
-        heard = None if progress is None else partial(progress, benchmark.name)
-        evaluations = evaluator.evaluate(list(recipes.values()), progress=heard)
+        named = None if progress is None else partial(progress, benchmark.name)
+        evaluations = evaluator.evaluate(list(recipes.values()), progress=named)
         evaluator.release()  # one network in memory at a time, however many benchmarks there are
         images = {name: made.images for name, made in zip(recipes, evaluations, strict=True)}
         found.append(

@@ -77,7 +77,7 @@ def _run(
     settings: Mapping[str, Mapping[str, Any]] | None,
     progress: LineCallback,
 ) -> BaselineRun:
-    def heard(label: str, done: int, total: int) -> None:
+    def advance(label: str, done: int, total: int) -> None:
         if label:
             progress(f"method {done + 1} of {total}: {label}, seed {seed}")
 
@@ -91,7 +91,7 @@ def _run(
         evaluations=experiment.evaluations,
         tests=tests,
         settings=settings,
-        progress=heard,
+        progress=advance,
     )
 
 

@@ -47,19 +47,19 @@ def write_checkpoint(
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
         named = layout.name(_separate(tensors))
-        with _full_disk_said(path), writing(path) as target:
+        with _full_disk_refused(path), writing(path) as target:
             _save_safetensors(named, target, header)
     else:
         content = layout.wrap({key: _alone(tensor) for key, tensor in tensors.items()})
         if layout.container:  # a bare state dict holds tensors alone: strict loaders refuse a text entry
             content[OWN] = json.dumps(dict(metadata))
-        with _full_disk_said(path), writing(path) as target:
+        with _full_disk_refused(path), writing(path) as target:
             _save_torch(content, target)
     return path
 
 
 @contextmanager
-def _full_disk_said(path: Path) -> Iterator[None]:
+def _full_disk_refused(path: Path) -> Iterator[None]:
     """What safetensors and torch say of a disk that is full, in words of their own, as what it is."""
     try:
         yield

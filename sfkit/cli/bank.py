@@ -45,10 +45,10 @@ def build(
         raise InputError(f"--out: {out / 'pool.toml'} exists, and no bank was built there: choose another")
     with Bars() as bars:
 
-        def hear(what: str, done: int, of: int) -> None:
+        def advance(what: str, done: int, of: int) -> None:
             network, _, note = what.partition(": ")
             step = f"{network}, rendering" if note == "rendering" else network
             bars(step, done, of, note, line=f"{what}: {done} of {of}")
 
-        build_bank(out, name, progress=hear)
+        build_bank(out, name, progress=advance)
     emit({"bank": out}, f"built {out}", as_json=json)

@@ -71,7 +71,7 @@ def baselines(
     guide = guide_of(opened, guides, combine, compute)
     with scoring(opened, guide, store) as (evaluators, scorer), Bars() as bars:
 
-        def hear(label: str, done: int, total: int) -> None:
+        def advance(label: str, done: int, total: int) -> None:
             line = f"{done} of {total} methods done" + (f", now {label}" if label else "")
             bars("methods", done, total, f"now {label}" if label else "", line=line)
 
@@ -85,7 +85,7 @@ def baselines(
             population=stage1.population,
             generations=stage1.generations,
             evaluations=stage2.evaluations,
-            progress=hear,
+            progress=advance,
         )
         trusted = trust_of(opened, evaluators)
     if out is not None:

@@ -78,10 +78,10 @@ def compare(
 
     with Bars() as bars:
 
-        def hear(done: int, total: int) -> None:
+        def advance(done: int, total: int) -> None:
             bars(chosen.name, done, total, line=f"{chosen.name}: {done} of {total} pairs")
 
-        measured = measure_networks(models, chosen, metrics=metrics, progress=hear, look=look)
+        measured = measure_networks(models, chosen, metrics=metrics, progress=advance, look=look)
     asked = tuple(one.name for one in chosen.measurable(metrics)) or (measured.metric,)
     found = corrected([paired_difference(measured, b, a, metric=metric) for metric in asked])
     document = {

@@ -52,7 +52,7 @@ def check(
     else:
         with Bars(keep=False) as bars:
 
-            def hear(done: int, total: int) -> None:
+            def advance(done: int, total: int) -> None:
                 line = f"{name}: {done} of {total} pairs checked"
                 bars(name, done, total, line=line if done % SAID_EVERY == 0 else None)
 
@@ -63,7 +63,7 @@ def check(
                 coding=folder.coding,
                 table=folder.csv,
                 every=folder.every,
-                progress=hear,
+                progress=advance,
             )
     emit(report.to_dict(), report.to_text(), as_json=json)
     if report.problems:

@@ -40,10 +40,10 @@ def demo(
     )
     with Bars() as bars:
 
-        def hear(step: str, done: int, of: int, note: str) -> None:
+        def advance(step: str, done: int, of: int, note: str) -> None:
             bars(step, done, of, note, line=f"{step}: {done} of {of}{f', {note}' if note else ''}")
 
-        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=hear, force=force)
+        found = run_demo(out, seed=seed, compute=compute, with_report=report, progress=advance, force=force)
     document = {
         "verdict": found.verdict.as_dict(),
         "table": found.table.to_dict(orient="index"),

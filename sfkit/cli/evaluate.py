@@ -102,10 +102,10 @@ def evaluate(
         say(f"engine: {scorer.engine.describe()}")
         with Bars() as bars:
 
-            def hear(benchmark: str, done: int, total: int) -> None:
+            def advance(benchmark: str, done: int, total: int) -> None:
                 bars(benchmark, done, total, line=f"{benchmark}: {done} of {total} networks scored")
 
-            counted = partial(score_table, metrics=metrics, progress=hear)
+            counted = partial(score_table, metrics=metrics, progress=advance)
             scores = _scores(counted, scorer, recipes, pools)
         each = _scores(partial(image_table, metrics=metrics), scorer, recipes, pools) if images else None
     if out is not None:

@@ -68,7 +68,7 @@ def run(
     ensure_own(factory)
     training = devices or (compute.device,)
     with Bars(side_by_side=len(training) > 1) as bars:
-        made = run_factory(factory, devices=training, compute=compute, say=bars.hear)
+        made = run_factory(factory, devices=training, compute=compute, say=bars.show)
     columns = list(next(iter(made.scores.values())))
     lines = [f"{'network':24s} " + " ".join(f"{c:>16s}" for c in columns)]
     lines += [
@@ -96,7 +96,7 @@ def run(
 
         values = {**report_values(factory), **_training_seconds(made), "out": factory.out / "report"}
         with Bars() as bars:
-            written = write_report(notebook_path("report"), values, report, progress=bars.hear)
+            written = write_report(notebook_path("report"), values, report, progress=bars.show)
         lines.append(f"wrote {written}")
         document["report"] = report
     emit({**document, "merged": made.found.merged, "pool": made.pool}, "\n".join(lines), as_json=json)
@@ -125,7 +125,7 @@ def train(
     from sfkit.factory import read_factory, train_one
 
     with Bars() as bars:
-        written = train_one(read_factory(file), name, device, bars.hear)
+        written = train_one(read_factory(file), name, device, bars.show)
     emit({"file": written}, f"wrote {written}", as_json=json)
 
 

@@ -148,7 +148,7 @@ def _told(source: TrainedSource) -> tuple[dict[str, Any], str]:
 def progress(bars: Bars) -> Callable[[Course], None]:
     """Says loss, rate, pairs a second and the time left: in lines every ten steps."""
 
-    def hear(course: Course) -> None:
+    def advance(course: Course) -> None:
         step, pace = course.last, course.seconds / course.done
         score = f", validation {course.scores[-1][1]:.2f}" if course.scores else ""
         note = f"loss {step.loss:.3f}, rate {step.rate:.1e}"
@@ -157,7 +157,7 @@ def progress(bars: Bars) -> Callable[[Course], None]:
         told = not course.done % SHOWN_EVERY or course.done == course.steps
         bars("training", course.done, course.steps, note + score, line=line if told else None)
 
-    return hear
+    return advance
 
 
 def _settings(path: Path | None, **given: Any) -> TrainingSettings:

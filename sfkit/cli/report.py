@@ -58,7 +58,7 @@ def report(
     places.file("--out", out, ".html", force=True)
     places.claim("--out", out.with_suffix(".ipynb"))
     with Bars() as bars:
-        written = run_report(notebook, values, out, progress=bars.hear, figures=figures)
+        written = run_report(notebook, values, out, progress=bars.show, figures=figures)
     document: dict[str, object] = {"report": written}
     text = f"wrote {written}"
     if figures is not None:

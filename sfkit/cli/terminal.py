@@ -31,7 +31,7 @@ _COUNT = "{desc} {n:.0f}, {elapsed}{postfix}"
 _shown: dict[str, tqdm[None]] = {}
 """The bars that are on the screen, by their steps: lines are written above them."""
 _turn = threading.RLock()
-"""Trainings side by side are heard by a thread each; one at a time has the screen."""
+"""Trainings side by side are read by a thread each; one at a time has the screen."""
 
 
 def printable(text: str) -> str:
@@ -110,7 +110,7 @@ class Bars:
             if total is not None and done >= total:
                 self._close(step)
 
-    def hear(self, line: str) -> None:
+    def show(self, line: str) -> None:
         """A line such as ``kitti: step 50 of 300, loss 0.12``: a bar at a terminal, else said as it is."""
         found = _STEP.fullmatch(line)
         if found is None:

@@ -52,8 +52,8 @@ class Watch(Bars):
 def listen(bars: Bars, evaluators: Sequence[Evaluator]) -> None:
     """Let bars move with every network that is scored: on several benchmarks, one after the other."""
 
-    def hear(number: int, done: int, total: int) -> None:
+    def advance(number: int, done: int, total: int) -> None:
         bars.within((number * total + done) / len(evaluators), total)
 
     for number, evaluator in enumerate(evaluators):
-        evaluator.listen = partial(hear, number)
+        evaluator.listen = partial(advance, number)

@@ -124,12 +124,12 @@ def run(
         # A source that was added makes another search, whose result is to take the former one's place.
         most = factory.plan.candidates(pool)
 
-        def hear(stage: str, generation: Generation[Any]) -> None:
+        def advance(stage: str, generation: Generation[Any]) -> None:
             done = generation.counts.candidates  # more than a model may propose, where it knew many before
             of = f" of {most[stage]}" if done <= most[stage] else ""
             say(f"{stage}: {done}{of}, {generation_note(generation)}")
 
-        found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True, progress=hear)
+        found = search_pool(pool, scorer, factory.plan, factory.out / SEARCH, force=True, progress=advance)
         tests = [Evaluator(pool, test, store=store, compute=compute) for test in factory.tests]
         scores = _scores(factory, pool, found, guides, tests, compute)
         trusted = trust_of(pool, guides, found.recipe, tests)

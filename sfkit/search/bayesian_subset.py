@@ -2,7 +2,7 @@
 
 A merge is a smooth function of its weights, so that a Gaussian process over them knows after a few dozen
 evaluations where the good subsets are. What is proposed next has the smallest lower confidence bound
-(GP-UCB, Srinivas et al. 2010), several at a time by hearing the model's own mean for those before (GP-BUCB,
+(GP-UCB, Srinivas et al. 2010), several at a time by believing the model's own mean for those before (GP-BUCB,
 Desautels et al. 2014). On both landscapes that are known in full this bound needed fewer evaluations than
 expected improvement, which asks again and again beside the best of a noisy score
 (``benchmarks/optimum.py``).

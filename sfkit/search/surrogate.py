@@ -106,7 +106,7 @@ class Surrogate:
         return self.process.predict(self._seen(points))
 
     def believing(self, points: Points) -> Surrogate:
-        """The same after hearing its own mean at these points."""
+        """The same, believing its own mean at these points."""
         return Surrogate(self.process.believing(self._seen(points)), self.groups)
 
     def bounds(self, points: Points, beta: float) -> tuple[Array, Array, Array]:

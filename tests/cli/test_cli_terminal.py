@@ -59,12 +59,12 @@ def test_trainings_side_by_side_have_a_bar_each(
 ) -> None:
     screen = Screen(capsys, monkeypatch)
     with Bars(side_by_side=True) as bars:
-        bars.hear("kitti: step 50 of 300, loss 0.125, 9 s left")
-        bars.hear("indoor: step 50 of 300, loss 0.250, 9 s left")
+        bars.show("kitti: step 50 of 300, loss 0.125, 9 s left")
+        bars.show("indoor: step 50 of 300, loss 0.250, 9 s left")
         assert list(terminal._shown) == ["kitti", "indoor"]
-        bars.hear("kitti: step 300 of 300, loss 0.100, 0 s left")
+        bars.show("kitti: step 300 of 300, loss 0.100, 0 s left")
         assert list(terminal._shown) == ["indoor"]
-        bars.hear("streets: missing, 300 steps")
+        bars.show("streets: missing, 300 steps")
     assert "streets: missing, 300 steps\n" in ESCAPE.sub("", screen.text())
 
 
@@ -104,7 +104,7 @@ def test_elsewhere_there_are_plain_lines(capsys: pytest.CaptureFixture[str]) -> 
         bars("Stage 1", 3, 8, "best 12.5", line="Stage 1, generation 0: best 12.5")
         bars("Stage 1", 4, 8)
         bars.within(1, 2)
-        bars.hear("cell 3 of 9: pool = open_pool(pool)")
+        bars.show("cell 3 of 9: pool = open_pool(pool)")
     assert (
         capsys.readouterr().err == "Stage 1, generation 0: best 12.5\ncell 3 of 9: pool = open_pool(pool)\n"
     )
