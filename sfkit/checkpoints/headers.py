@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 from safetensors import SafetensorError, safe_open
 
 from sfkit.checkpoints.fingerprints import content_digest
-from sfkit.errors import InputError
+from sfkit.errors import InputError, nearest
 from sfkit.files import trouble
 from sfkit.outside import parse_json
 
@@ -61,6 +61,28 @@ class StoredTensor:
 def is_checkpoint_name(path: Path) -> bool:
     """True for a file that by its ending is a checkpoint, in capitals or not."""
     return path.suffix.lower() in SUFFIXES or path.name.endswith(INDEX)
+
+
+def ensure_checkpoint(path: Path) -> None:
+    """Refuse what by name and first bytes is no checkpoint, before anything is imported that could read it.
+
+    Raises:
+        InputError: the file is missing, no file, of another ending, or was saved in place of weights.
+    """
+    if why := trouble(path):
+        beside = _nearest_file(path) if why == "no such file" else ""
+        raise InputError(f"{path}: {why}, expected a checkpoint{beside}")
+    if why := other_content(path):
+        raise InputError(f"{path}: {why}")
+    if not is_checkpoint_name(path):
+        endings = ", ".join((*SUFFIXES, INDEX))
+        raise InputError(f"{path}: found the ending {path.suffix!r}, expected one of {endings}")
+
+
+def _nearest_file(path: Path) -> str:
+    if not path.parent.is_dir():
+        return f" (its folder {path.parent} does not exist)"
+    return nearest(path.name, (p.name for p in path.parent.iterdir() if is_checkpoint_name(p)))
 
 
 def other_content(path: Path) -> str | None:

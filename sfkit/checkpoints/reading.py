@@ -17,18 +17,11 @@ import torch
 from safetensors import SafetensorError, safe_open
 
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
-from sfkit.checkpoints.headers import (
-    INDEX,
-    SAFETENSORS,
-    SUFFIXES,
-    TORCH_SUFFIXES,
-    is_checkpoint_name,
-    other_content,
-)
+from sfkit.checkpoints.headers import INDEX, SAFETENSORS, ensure_checkpoint
 from sfkit.checkpoints.inert import load_inert
 from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
-from sfkit.errors import InputError, nearest
-from sfkit.files import Signature, is_file, signature, trouble
+from sfkit.errors import InputError
+from sfkit.files import Signature, is_file, signature
 from sfkit.outside import parse_json, read_json
 
 MAX_INDEX_BYTES = 64 * 2**20
@@ -69,27 +62,13 @@ def read_checkpoint(path: str | Path, wrapping: Wrapping | None = None) -> Check
         InputError: the file is missing, of another kind, truncated, or holds no state dict.
     """
     path, wrapping = Path(path), wrapping or Wrapping()
-    if why := trouble(path):
-        beside = _nearest_file(path) if why == "no such file" else ""
-        raise InputError(f"{path}: {why}, expected a checkpoint{beside}")
-    if why := other_content(path):
-        raise InputError(f"{path}: {why}")
+    ensure_checkpoint(path)
     looks = {path: signature(path)}  # before it is read: whatever is written meanwhile shows later
     if path.name.endswith(INDEX):
         return _read_shards(path, looks)
     if path.suffix.lower() == SAFETENSORS:
         return replace(_read_safetensors(path), signatures=looks)
-    if path.suffix.lower() in TORCH_SUFFIXES:
-        return replace(_read_torch(path, wrapping), signatures=looks)
-    raise InputError(
-        f"{path}: found the ending {path.suffix!r}, expected one of {', '.join((*SUFFIXES, INDEX))}"
-    )
-
-
-def _nearest_file(path: Path) -> str:
-    if not path.parent.is_dir():
-        return f" (its folder {path.parent} does not exist)"
-    return nearest(path.name, (p.name for p in path.parent.iterdir() if is_checkpoint_name(p)))
+    return replace(_read_torch(path, wrapping), signatures=looks)
 
 
 def _read_safetensors(path: Path) -> CheckpointFile:

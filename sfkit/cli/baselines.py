@@ -57,16 +57,16 @@ def baselines(
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
       sfkit baselines pool.toml -b unlabelled -r ~/drive --every 20 --names uniform,adamerging,stage1
     """
-    from sfkit.analysis.trust import trust_of
-    from sfkit.baselines import baseline_table, run_baselines
-    from sfkit.evaluation.table import write_table
-
-    named = None if methods is None else _methods(methods)
     chosen, combine = data.open(), guidance.combine
     guides = guides_of(chosen, guidance)
     places = Places(csv=data.csv)
     places.file("--out", out, ".csv", force=force)
     places.store(store)
+    from sfkit.analysis.trust import trust_of
+    from sfkit.baselines import baseline_table, run_baselines
+    from sfkit.evaluation.table import write_table
+
+    named = None if methods is None else _methods(methods)
     opened = pool_of(pool)
     guide = guide_of(opened, guides, combine, compute)
     with scoring(opened, guide, store) as (evaluators, scorer), Bars() as bars:

@@ -24,14 +24,14 @@ def check(
       sfkit check pool.toml
       sfkit check pool.toml --benchmark eth3d --root ~/ETH3D
     """
-    from sfkit.analysis.linear_path import linear_paths
-    from sfkit.evaluation import Evaluator
-    from sfkit.evaluation.first_call import first_call
-
     opened_benchmark = None
     if data is not None:
         whole = data.open()
         opened_benchmark = whole.first(min(pairs, len(whole.pairs)))
+    from sfkit.analysis.linear_path import linear_paths
+    from sfkit.evaluation import Evaluator
+    from sfkit.evaluation.first_call import first_call
+
     opened = pool_of(pool)
     called = first_call(opened)
     height, width = called.size

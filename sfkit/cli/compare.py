@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli import tables
 from sfkit.cli.groups import names
 from sfkit.cli.options import (
@@ -53,10 +54,6 @@ def compare(
       sfkit compare uniform.safetensors runs/garage/merged.safetensors -b eth3d -r ~/ETH3D
       sfkit compare a.tar b.tar --architecture anynet -b pairs -r ~/pairs --metric d1,epe --maps maps
     """
-    from sfkit.analysis.networks import measure_networks
-    from sfkit.analysis.paired import corrected, paired_difference
-    from sfkit.evaluation.stereo_model import load
-
     metrics = names(data.metric or "")
     chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
     chosen.ensure_measurable(metrics)
@@ -66,6 +63,12 @@ def compare(
     places.reads("B", second)
     if maps is not None:
         _claim(places, maps, chosen, force=force)
+    for file in (first, second):
+        ensure_checkpoint(file)
+    from sfkit.analysis.networks import measure_networks
+    from sfkit.analysis.paired import corrected, paired_difference
+    from sfkit.evaluation.stereo_model import load
+
     models = {
         name: load(file, device=device, architecture=architecture, options=network_options(option))
         for name, file in ((a, first), (b, second))

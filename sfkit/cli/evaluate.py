@@ -73,9 +73,6 @@ def evaluate(
       sfkit evaluate pool.toml --recipe a.json --recipe b.safetensors -b pairs -r ~/pairs --images
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
-    from sfkit.evaluation import Evaluator
-    from sfkit.evaluation.table import image_table, score_table, write_table
-
     metrics = names(data.metric or "")
     chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
     chosen.ensure_measurable(metrics)
@@ -84,14 +81,17 @@ def evaluate(
         places.reads("--recipe", file)
     places.file("--out", out, ".csv", force=force)
     places.store(store)
-    asked = choosers(subset=subset, subset_from=subset_from, uniform=uniform)
-    for file in recipe or ():
-        asked |= choosers(recipe=file)
-    if not (asked or members or all_subsets):
+    if subset is None and subset_from is None and not (recipe or uniform or members or all_subsets):
         raise InputError(
             "found nothing to score, expected --subset, --subset-from, --recipe, --uniform, --members or "
             "--all-subsets"
         )
+    from sfkit.evaluation import Evaluator
+    from sfkit.evaluation.table import image_table, score_table, write_table
+
+    asked = choosers(subset=subset, subset_from=subset_from, uniform=uniform)
+    for file in recipe or ():
+        asked |= choosers(recipe=file)
     opened = pool_of(pool)
     recipes = _members(opened) if members else {}
     recipes |= _all_subsets(opened) if all_subsets else {}

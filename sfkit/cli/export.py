@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli.options import (
     ArchitectureOption,
     ForceOption,
@@ -19,7 +20,6 @@ from sfkit.cli.options import (
 )
 from sfkit.cli.outputs import Places
 from sfkit.errors import InputError
-from sfkit.exporting.export import ENDINGS, check_target, export_network, form_of
 
 _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
 
@@ -51,7 +51,9 @@ def export(
       sfkit export merged.safetensors --size 384x1248
       sfkit export merged.safetensors --dynamic -l im0.png -r im1.png -o stereo.onnx
     """
+    ensure_checkpoint(file)
     from sfkit.datasets.images import read_image
+    from sfkit.exporting.export import ENDINGS, check_target, export_network, form_of
 
     kind = form_of(form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])

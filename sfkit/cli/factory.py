@@ -14,12 +14,21 @@ from sfkit.cli.outputs import Places
 from sfkit.cli.panels import ComputeOptions
 from sfkit.cli.terminal import Bars
 from sfkit.cli.validation import trust_entry, trust_lines
+from sfkit.outside import read_text
 
 if TYPE_CHECKING:
     from sfkit.factory import FactoryResult
 
 app = sub_commands()
-FactoryArgument = Annotated[Path, typer.Argument(help="A factory.toml.")]
+
+
+def _ensure_file(path: Path) -> Path:
+    """Refuse a file that cannot be read before anything is imported that could use it."""
+    read_text(path)
+    return path
+
+
+FactoryArgument = Annotated[Path, typer.Argument(help="A factory.toml.", callback=_ensure_file)]
 
 
 @app.command("run", cls=PanelCommand)

@@ -22,6 +22,7 @@ import typer
 import typer.core
 
 from sfkit.cli.config import read_config
+from sfkit.cli.values import Typed
 from sfkit.errors import InputError
 from sfkit.settings import Setting, setting_of
 
@@ -102,35 +103,15 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
     return run
 
 
-class _Plain:
-    """Takes a value as it is where nothing is to be checked; else asks typer, which asks pydantic."""
-
-    def __init__(self, ask: Callable[[], Any]) -> None:
-        self._ask = ask
-
-    def coerce(self, value: Any, *, param: Any, ctx: Any) -> Any:
-        """The value as the command takes it."""
-        info, annotation = param.type_descriptor.parameter_info, param.type_descriptor.annotation
-        kinds = set(get_args(annotation) or (annotation,))
-        if not (param.multiple or param.nargs == -1 or info.parser):
-            if value is None or (value == param.default and type(value) in kinds):
-                return value
-            if kinds - {type(None)} in ({str}, {Path}) and not (info.exists or info.resolve_path):
-                return (kinds - {type(None)}).pop()(value)
-        return self._ask().coerce(value, param=param, ctx=ctx)
-
-
 class PlainHelp:
-    """A command that asks pydantic about nothing that is plain: its import would cost every usage error, and
-    ``show`` of a file, as much as all the rest.
-    """
+    """A command that reads what was typed by :mod:`sfkit.cli.values`, not by pydantic."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> Any:
         """The rest of the words, the parameters' values in ``ctx``."""
         for parameter in self.get_params(ctx):  # type: ignore[attr-defined]
             ask = getattr(parameter, "get_runtime_param", None)
             if ask is not None and not isinstance(ask, functools.partial):
-                parameter.get_runtime_param = functools.partial(_Plain, ask)
+                parameter.get_runtime_param = functools.partial(Typed, ask)
         return super().parse_args(ctx, args)  # type: ignore[misc]
 
     def get_help_option(self, ctx: Any) -> Any:

@@ -24,8 +24,21 @@ if TYPE_CHECKING:
 Made = TypeVar("Made")
 LARGE = 100 * 2**20  # bytes of a checkpoint that takes so long to read that one wants to see it
 
+
+def _ensure_pool(path: str) -> str:
+    """Refuse a path that leads nowhere, not a name, before anything is imported that could open a pool."""
+    if (os.sep in path or path.endswith(".toml")) and not Path(path).exists():
+        from sfkit.checkpoints.spec import read_pool_spec
+
+        read_pool_spec(path)
+    return path
+
+
 PoolArgument = Annotated[
-    str, typer.Argument(help="A pool.toml, the folder that holds one, or bank.", show_default=False)
+    str,
+    typer.Argument(
+        help="A pool.toml, the folder that holds one, or bank.", show_default=False, callback=_ensure_pool
+    ),
 ]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace files that exist.")]
 StoreOption = Annotated[

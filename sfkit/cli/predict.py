@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli.following import followed
 from sfkit.cli.options import (
     ArchitectureOption,
@@ -88,14 +89,15 @@ def predict(
       sfkit predict merged.safetensors -l im0.png -r im1.png --calib calib.txt --cloud --farthest 20
       sfkit predict merged.safetensors -l drive.mp4 --layout side-by-side --every 5 --check
     """
-    from sfkit.evaluation.prediction_files import Outputs
-    from sfkit.evaluation.stereo_model import load
-
+    ensure_checkpoint(file)
     known = _calibration(calibration, cameras, focal, baseline)
     if farthest is not None and not cloud:
         raise InputError(
             "--farthest: found no --cloud, expected the point cloud that it leaves points out of"
         )
+    from sfkit.evaluation.prediction_files import Outputs
+    from sfkit.evaluation.stereo_model import load
+
     outputs = Outputs(form, known, check, cloud, farthest)
     options = network_options(option)
     plan = _plan(left, right, layout, every, out, outputs, force=force)

@@ -37,6 +37,7 @@ from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_
 from sfkit.cli.watching import Watch
 from sfkit.errors import InputError
 from sfkit.search import RoutingSettings, SubsetSettings
+from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
 if TYPE_CHECKING:
     from sfkit.datasets.metric import Metric
@@ -101,6 +102,13 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
       sfkit search pool.toml -b pairs -r ~/pairs --resamples 200
     """
+    guides, combine = guides_of(data.open(), guidance), guidance.combine
+    kept_in = store or out / STORE
+    places = Places(start=start, subset_from=subset_from, csv=data.csv)
+    places.folder("--out", out, (*OUTPUTS, SEARCH, LOCK))
+    places.store(kept_in)
+    if not force:
+        refuse_unclaimed(out)
     from sfkit.analysis.overfit import holdout_check
     from sfkit.analysis.search_verdict import missing
     from sfkit.analysis.trust import trust_of
@@ -111,7 +119,6 @@ def search(
     from sfkit.evaluation.evaluator import Evaluator
     from sfkit.search.pipeline import cost, search_pool, summary
     from sfkit.search.plan import SearchPlan
-    from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
     plan = SearchPlan(
         subset=_subset(subset, subset_from),
@@ -125,14 +132,7 @@ def search(
         resamples=resamples,
     )
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
-    guides, combine = guides_of(data.open(), guidance), guidance.combine
     tests = tests_of(test, guides)
-    kept_in = store or out / STORE
-    places = Places(start=start, subset_from=subset_from, csv=data.csv)
-    places.folder("--out", out, (*OUTPUTS, SEARCH, LOCK))
-    places.store(kept_in)
-    if not force:
-        refuse_unclaimed(out)
     opened = pool_of(pool, blocks, dtype)
     plan.check(opened)
     ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)

@@ -167,7 +167,7 @@ DOORS = (
     ("evaluate pool --uniform -b pairs -r pairs-npy", "disparity.npy", "cannot be read"),
     ("runs show runs/torn", "torn/journal.jsonl", "record 1"),
     ("show runs/lacking", "lacking/journal.jsonl", "not what a search writes"),
-    ("demo --seed -1", "--seed", "greater than or equal to 0"),
+    ("demo --seed -1", "--seed", "a whole number of at least 0"),
     (f"evaluate pool --uniform {PAIRS} -o out.csv", "--out", "out.csv", "is a folder"),
     (f"search pool {PAIRS} -o run", "run/merged.safetensors", "is a folder"),
     (f"predict pool/base.safetensors -l {LEFT} -r {RIGHT} -o seen --force", "seen/left.pfm", "is a folder"),
