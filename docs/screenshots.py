@@ -121,6 +121,10 @@ class Scenes:
         _ = self.which, self.modelled, self.how
         return RunTable(self.runs)
 
+    def run_table_routing(self) -> SfkitWidget:
+        """The same, Stage 2 chosen."""
+        return self.run_table()
+
     def search_control(self) -> SfkitWidget:
         """A Stage 2 search half-way."""
         pool = self.scorer.pool
@@ -155,6 +159,7 @@ NAMES = (
     "disparity_compare",
     "population_view_model",
     "run_table",
+    "run_table_routing",
 )
 REOPENED = "reopened"
 CELLS = ("import sfkit_widgets", "sfkit_widgets.inspect('bank')")
@@ -163,6 +168,8 @@ CELLS = ("import sfkit_widgets", "sfkit_widgets.inspect('bank')")
 _ROW = "[role=grid] .sfkit-population-row:nth-child({})"
 POINTED_AT = {"population_view": _ROW.format(3), "population_view_model": _ROW.format(1)}
 """What the mouse is over, where that shows more."""
+PRESSED = {"run_table_routing": "tbody tr:has-text('Stage 2') button"}
+"""What is pressed before."""
 
 
 def take(browser: Browser, widget: SfkitWidget, name: str, path: Path, *, width: int, dark: bool) -> None:
@@ -175,6 +182,8 @@ def take(browser: Browser, widget: SfkitWidget, name: str, path: Path, *, width:
     stage.page.add_style_tag(content="body { margin: 0 }")
     stage.show_state(widget)
     stage.page.wait_for_function(SETTLED)
+    if pressed := PRESSED.get(name):
+        stage.page.click(pressed)
     if pointed := POINTED_AT.get(name):
         stage.page.hover(pointed)
     stage.page.evaluate(DRAWN)
@@ -195,7 +204,7 @@ def take_reopened(browser: Browser, path: Path) -> None:
     with tempfile.TemporaryDirectory() as folder, serving(Path(folder), "jupyterlab") as server:
         server.write("reopened.ipynb", CELLS)
         for again in (False, True):
-            page = browser.new_page(viewport={"width": 1100, "height": 1150})
+            page = browser.new_page(viewport={"width": 1100, "height": 900})
             notebook = Notebook(page, server, "reopened.ipynb", "jupyterlab")
             if not again:
                 notebook.run_all()

@@ -59,6 +59,13 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "evaluate pool.toml --bogus": 2,
         "merge pool.toml": 2,
         "predict": 2,
+        "search --generations many": 2,
+        "search --gamma 1 much": 2,
+        "search nowhere/pool.toml -b eth3d": 2,
+        "predict nothing.pth --left l.png --right r.png": 2,
+        "export nothing.pth": 2,
+        "factory run nothing.toml": 2,
+        "open nothing": 2,
         "runs --help": 0,
         "finetune --help": 0,
         "show nothing.json": 2,
@@ -67,7 +74,13 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         f"show {tmp_path / 'pool' / 'a.safetensors'}": 0,
     }
     with_numpy = {f"show {tmp_path / 'pool'}": 0, f"init {tmp_path / 'pool'} --force": 0}
-    with_cv2 = {f"runs list {tmp_path}": 0, "runs diff here here": 2}
+    with_cv2 = {
+        f"runs list {tmp_path}": 0,
+        "runs diff here here": 2,
+        "search bank -b eth3d": 2,
+        "compare a.pth b.pth -b kitty -r here": 2,
+        "baselines bank -b eth3d -r nowhere": 2,
+    }
     # One process for all: what one line imports would show in all that follow.
     ran = subprocess.run(
         [sys.executable, "-c", LINES],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 
@@ -13,6 +14,17 @@ WIDTH = 960
 MARGIN = 14
 LETTER = 0.56
 """Width of a letter, at the mean, in parts of its height."""
+
+
+def in_lines(name: str, room: float, size: int) -> list[str]:
+    """A name in lines of ``room`` pixels, broken after its hyphens and underscores where it can be."""
+    most = max(1, int(room / (size * LETTER)))
+    lines = [""]
+    for part in re.split(r"(?<=[-_])", name):
+        if lines[-1] and len(lines[-1] + part) > most:
+            lines.append("")
+        lines[-1] += part
+    return lines
 
 
 class Sheet:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sfkit_widgets._pictures import MIME
-from sfkit_widgets._sheet import BLUE, EMPTY, MARGIN, MUTED, ORANGE, WIDTH, Sheet
+from sfkit_widgets._sheet import BLUE, EMPTY, MARGIN, MUTED, ORANGE, WIDTH, Sheet, in_lines
 
 GAP = 10
 INNER = WIDTH - 2 * MARGIN
@@ -27,9 +27,13 @@ def weights_table(
     ``colour`` gives background and text colour of a weight.
     """
     wide = (INNER - NAMES - 70) / len(sources)
-    for e, source in enumerate(sources):
+    lines = [in_lines(source, wide - 4, 11) for source in sources]
+    sheet.y += 13 * (max(map(len, lines)) - 1)
+    for e, words in enumerate(lines):
         middle = MARGIN + NAMES + (e + 0.5) * wide
-        sheet.text(middle, sheet.y + 14, source, size=11, colour=MUTED, anchor="middle", room=wide - 4)
+        for n, line in enumerate(reversed(words)):
+            top = sheet.y + 14 - 13 * n
+            sheet.text(middle, top, line, size=11, colour=MUTED, anchor="middle", room=wide - 4)
     sheet.text(WIDTH - MARGIN, sheet.y + 14, "scale", size=11, colour=MUTED, anchor="end")
     for b, block in enumerate(blocks):
         top = sheet.y + 20 + b * ROW

@@ -12,6 +12,9 @@ import { shareTable, sourceColumns } from "./population_shares.js";
 
 const EMPTY = "No generation yet. Press Run or One step of a SearchControl, or call step() on the search.";
 
+/** Rows at the left, of generations and individuals, that leave room for the archive below them. */
+const SHORT = 20;
+
 /** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
 function render(host) {
   const { root, body, watch, signal, close } = mount(host, { label: "Population", kind: "population" });
@@ -29,11 +32,12 @@ function render(host) {
   const shares = element("div", {});
   const charts = element("div", { class: "sfkit-charts" });
   const people = element("div", {});
-  const side = element("div", { class: "sfkit-population-side" });
-  const left = element("div", {}, shares, bar, people);
-  const right = element("div", {}, charts, side);
+  const descent = element("div", { class: "sfkit-population-side" });
+  const archive = element("div", { class: "sfkit-population-side sfkit-population-archive" });
+  const left = element("div", { class: "sfkit-population-left" }, shares, bar, people);
+  const right = element("div", { class: "sfkit-population-right" }, charts, descent);
   const model = modelPanel();
-  const content = element("div", { class: "sfkit-population-content" }, left, right, model.part);
+  const content = element("div", { class: "sfkit-population-content" }, left, right, archive, model.part);
   body.append(empty, content);
 
   // What one looks at is each view's own; the latest generation until another is chosen.
@@ -65,7 +69,8 @@ function render(host) {
 
   function drawSide() {
     const now = state();
-    side.replaceChildren(descentPanel(now, chosen, jump, host.model.get("model")), archivePanel(now, jump));
+    descent.replaceChildren(descentPanel(now, chosen, jump, host.model.get("model")));
+    archive.replaceChildren(archivePanel(now, jump));
   }
 
   function drawAll() {
@@ -83,6 +88,8 @@ function render(host) {
     which.textContent = `${now.generations[at]} of ${now.generations[last]}${shown < 0 ? ", following" : ""}`;
     latest.setAttribute("aria-pressed", String(shown < 0));
     if (chosen !== null && !(chosen in now.people)) chosen = null;
+    const rows = now.generations.length + now.populations[at].length;
+    content.classList.toggle("sfkit-population-short", rows <= SHORT);
     shares.replaceChildren(shareTable(now, at, choose));
     showCharts(charts, timeCharts(now, at, choose));
     grid.draw(now, at, chosen);
