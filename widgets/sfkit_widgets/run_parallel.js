@@ -15,7 +15,7 @@ import { linear, numberText } from "./chart_scales.js";
  */
 
 const ROOM = { height: 220, top: 22, bottom: 44, side: 40 };
-const LONGEST = 13; // letters of a name below its axis
+const LONGEST = 18; // letters of a name below its axis
 
 /**
  * @param {Axes} axes
