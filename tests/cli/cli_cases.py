@@ -170,7 +170,7 @@ BASELINES = (
 
 SEARCH = (
     _search("population", "--population 0", "population", "0", "at least 2"),
-    _search("population-text", "--population many", "--population", "integer"),
+    _search("population-text", "--population many", "--population", "a whole number"),
     _search("generations", "--generations -1", "generations", "-1", "at least 0"),
     _search("evaluations", "--evaluations -1", "evaluations", "-1", "at least 1"),
     _search("nothing", "--subset kitti,driving --evaluations 0", "subset", "Stage 2"),
@@ -179,7 +179,7 @@ SEARCH = (
     _search("holdout", "--holdout 1.5", "holdout", "1.5", "folds"),
     _search("shrinkage", "--shrinkage -1", "shrinkage", "-1", "at least 0"),
     _search("rank", "--rank 0", "rank", "0", "at least 1"),
-    _search("rank-tied", "--rank x", "--rank", "integer"),
+    _search("rank-tied", "--rank x", "--rank", "a whole number"),
     _search("also", "--also pair,root=pairs", "'pair'"),
     _search("also-entry", "--also pairs,pairs", "--also", "'pairs'", "KEY=VALUE"),
     _search("also-root", "--also pairs", "root", "missing"),
