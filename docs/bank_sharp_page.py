@@ -75,7 +75,6 @@ DIFFERENCE = {
 BUILD = """\
 ## What is left
 
-- The joint network, where the table above has none: `sfkit bank build bank-sharp` trains it.
 - Demo, report and the first six notebooks open this bank. Ablations, transfer, the notebook without ground
   truth, the factory's and most recorded results stay on `bank`, as their tables say. A pair costs this
   network about 1.3 times what it costs the first bank's.

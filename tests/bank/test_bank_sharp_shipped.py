@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,12 @@ from sfkit.bank import sharp
 from sfkit.bank.build import pool_toml
 from sfkit.bank.fingerprints import agree, fingerprint, read_fingerprints
 from sfkit.bank.plan import BANKS, SHARP
+from sfkit.checkpoints.spec import Member
 from sfkit.training.finetune import read_training
 
 DATA = bank.pool_path("bank-sharp").parent
 PAGE = Path(__file__).parents[2] / "docs" / "bank_sharp.md"
-NETWORKS = tuple(world.name for world in SHARP.worlds)
+NETWORKS = SHARP.networks
 TRAININGS: dict[str, Any] = json.loads((DATA / "trainings.json").read_text())
 
 
@@ -48,6 +50,8 @@ def test_it_opens_with_its_sources_and_its_worlds() -> None:
     assert bank.worlds("bank-sharp", None)[0] == "bank-sharp:courtyard"
     assert list(bank.training_seconds("bank-sharp")) == list(pool.names)
     assert list(sfkit.open_source_data("bank-sharp", pairs=1)) == list(pool.names)
+    joint = sfkit.open_pool(replace(pool.spec, sources=(Member("joint", bank.joint_path("bank-sharp")),)))
+    assert joint.layout.size == pool.layout.size
 
 
 @pytest.mark.parametrize("name", NETWORKS)
