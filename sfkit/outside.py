@@ -11,13 +11,14 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import trouble
 
+Value = TypeVar("Value")
 DEPTH = 64
 DIGITS = 400
 LARGEST = 256 * 2**20  # bytes
@@ -93,6 +94,20 @@ def read_text(path: Path) -> str:
         return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}), expected a file") from error
+
+
+def once(where: str, entries: Iterable[tuple[str, Value]]) -> dict[str, Value]:
+    """Name -> value of entries that name each one once: the last of two would win without a word.
+
+    Raises:
+        InputError: one is named twice; ``where`` begins the sentence.
+    """
+    found: dict[str, Value] = {}
+    for name, value in entries:
+        if name in found:
+            raise InputError(f"{where}: found {name!r} twice, expected it once")
+        found[name] = value
+    return found
 
 
 def parse_json(text: str | bytes, where: str, expected: str = "correct it") -> Any:

@@ -16,6 +16,7 @@ from sfkit.cli.groups import names
 from sfkit.cli.terminal import Bars, coloured, printable
 from sfkit.cli.terminal import say as say
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import once, parse_json
 
 if TYPE_CHECKING:
     from sfkit.evaluation.store import EvaluationStore
@@ -147,18 +148,21 @@ def network_options(texts: list[str] | None) -> dict[str, Any]:
     """``["spn=false"]`` -> ``{"spn": False}``; a value is JSON, or a text.
 
     Raises:
-        InputError: one is no ``NAME=VALUE``.
+        InputError: one is no ``NAME=VALUE``, is named twice, or has a value that no option takes.
     """
-    found: dict[str, Any] = {}
-    for text in texts or []:
-        name, sign, value = text.partition("=")
-        if not sign or not name:
-            raise InputError(f"--option: found {text!r}, expected NAME=VALUE such as spn=false")
-        try:
-            found[name] = json.loads(value)
-        except json.JSONDecodeError:
-            found[name] = value
-    return found
+    return once("--option", map(_option, texts or []))
+
+
+def _option(text: str) -> tuple[str, Any]:
+    name, sign, value = text.partition("=")
+    if not sign or not name:
+        raise InputError(f"--option: found {text!r}, expected NAME=VALUE such as spn=false")
+    try:
+        return name, parse_json(value, f"--option {name}", "expected a value such as false or [12, 3, 3]")
+    except InputError as error:
+        if isinstance(error.__cause__, json.JSONDecodeError):
+            return name, value  # a text
+        raise
 
 
 def source_names(argument: str, text: str) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
+from sfkit.outside import once
 
 
 def report(
@@ -49,7 +50,7 @@ def report(
 
     if not notebook.suffix and len(notebook.parts) == 1 and not notebook.exists():
         notebook = notebook_path(str(notebook))
-    values = read_parameters(notebook, dict(_parameter(text) for text in parameter or []))
+    values = read_parameters(notebook, once("-p", map(_parameter, parameter or [])))
     places = Places()
     places.reads("NOTEBOOK", notebook)
     for name, value in values.items():

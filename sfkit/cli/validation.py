@@ -12,6 +12,7 @@ from sfkit.cli.groups import names
 from sfkit.cli.options import say, store_of
 from sfkit.cli.panels import Guidance
 from sfkit.errors import InputError
+from sfkit.outside import once
 
 if TYPE_CHECKING:
     from sfkit.analysis.trust import Trust
@@ -141,12 +142,15 @@ def _named(option: str, text: str, metric: str | None) -> Benchmark:
         raise InputError(f"{option} is empty, expected a benchmark such as kitti2012,root=~/KITTI")
     name, *entries = names(text)
     own = metric is None or name == UNLABELLED or not Metric.parse(metric).needs_truth
-    values: dict[str, Any] = {"name": name} if own else {"name": name, "metric": metric}
-    for entry in entries:
-        key, equals, value = (piece.strip() for piece in entry.partition("="))
-        if not equals:
-            raise InputError(f"{option}: found {entry!r}, expected KEY=VALUE such as root=~/KITTI")
-        values[key] = int(value) if key in ("pairs", "every") and value.isdecimal() else value
+    values: dict[str, Any] = {} if own else {"metric": metric}
+    values |= once(option, [("name", name), *(_entry(option, entry) for entry in entries)])
     (benchmark,) = open_benchmarks([values])
     benchmark.ensure_scorable()
     return benchmark
+
+
+def _entry(option: str, text: str) -> tuple[str, str | int]:
+    key, _, value = (piece.strip() for piece in text.partition("="))
+    if not value:
+        raise InputError(f"{option}: found {text!r}, expected KEY=VALUE such as root=~/KITTI")
+    return key, int(value) if key in ("pairs", "every") and value.isdecimal() else value

@@ -194,6 +194,17 @@ DOORS = (
         for name in ("uniform", "merged", "search")
     ),
     ("factory status joint.toml", "joint: found 'no', expected true or false"),
+    *(
+        (f"search pool {PAIRS} --test unlabelled,{entries} -o new", f"--test: found {said}")
+        for entries, said in (
+            ("root=pairs,root=pool", "'root' twice"),
+            ("root=pairs,name=pairs", "'name' twice"),
+            ("root=", "'root=', expected KEY=VALUE"),
+        )
+    ),
+    (f"{FINETUNE} --option spn=false --option spn=true", "--option: found 'spn' twice"),
+    (f"{FINETUNE} --option spn=NaN", "--option spn: not JSON (found NaN)"),
+    ("report 01_quickstart -p seed 1 -p seed 2 -o new.html", "-p: found 'seed' twice"),
     ("factory status tested.toml", "found the benchmark 5, expected a table"),
     ("factory status nul.toml", "'a\\x00b': is no name that a file can have"),
     ("factory status by-loop.toml", "loop: is a link that leads in a circle, expected Python code"),
