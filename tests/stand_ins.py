@@ -95,7 +95,6 @@ def openstereo(root: Path) -> Path:
             "stereo/modeling/common/__init__.py": "",
             "stereo/modeling/common/parts.py": NETWORK,
             "cfgs/lightstereo/s.yaml": CFG,
-            "cfgs/sttr.yaml": "MODEL: { NAME: STTR }",
         },
     )
 

@@ -28,6 +28,7 @@ from sfkit.analysis.geometry import TaskVectorGeometry, task_vector_geometry
 from sfkit.analysis.growth import PopulationSizes, growth, population_sizes
 from sfkit.analysis.headed import ShownTable, publish_table, score_rows, shown_table
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
+from sfkit.analysis.linear_path import LinearPaths, linear_paths
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.networks import measure_networks
 from sfkit.analysis.overfit import (
@@ -91,6 +92,7 @@ __all__ = [
     "Experiment",
     "HoldoutCheck",
     "InterpolationCurve",
+    "LinearPaths",
     "Measured",
     "MethodCost",
     "NetworkComparison",
@@ -140,6 +142,7 @@ __all__ = [
     "interpolation_curves",
     "judges",
     "latex_table",
+    "linear_paths",
     "markdown_table",
     "measure_networks",
     "measure_recipes",

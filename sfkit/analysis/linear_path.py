@@ -130,7 +130,12 @@ class LinearPaths:
 
 
 def linear_paths(evaluator: Evaluator, *, between: bool = True) -> LinearPaths:
-    """Score the midpoints of all lines: 1 + 2 N evaluations, and N (N - 1) / 2 more between sources.
+    """Before a search: can these checkpoints be merged? What ``sfkit check`` shows, as a record.
+
+        paths = analysis.linear_paths(sfkit.Evaluator(pool, benchmark))
+        paths.harmful, paths.sentences, paths.beside(pool.summary())
+
+    Scores the midpoints of all lines: 1 + 2 N evaluations, and N (N - 1) / 2 more between sources.
 
     Args:
         evaluator: of the pool, on a validation benchmark; a handful of pairs is enough.

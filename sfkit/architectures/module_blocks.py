@@ -2,10 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
+from typing import Any
 
 from torch import nn
+
+Blocks = Mapping[str, Sequence[str]]
+
+
+@dataclass(frozen=True)
+class ByNetwork:
+    """Blocks that only the network itself tells: whoever has built it asks, and nobody builds another.
+
+    Attributes:
+        tell: network, options -> block name -> glob patterns over state-dict keys.
+    """
+
+    tell: Callable[[nn.Module, Mapping[str, Any]], Blocks]
+
+    @classmethod
+    def fitting(cls, blocks: Blocks) -> ByNetwork:
+        """These, without what a variant of the network does not have."""
+        return cls(lambda network, _options: fitting_blocks(network, blocks))
+
+
+def by_options(
+    blocks: Blocks | Callable[[Mapping[str, Any]], Blocks] | ByNetwork, build: Callable[..., nn.Module]
+) -> Callable[[Mapping[str, Any]], Blocks]:
+    """Options -> blocks, whichever way they were given."""
+    if isinstance(blocks, ByNetwork):
+        return lambda options: blocks.tell(build(**options), options)
+    return blocks if callable(blocks) else lambda _options: blocks
 
 
 def top_level_blocks(network: nn.Module) -> dict[str, list[str]]:
@@ -16,7 +45,7 @@ def top_level_blocks(network: nn.Module) -> dict[str, list[str]]:
     return children or {"all": ["*"]}
 
 
-def fitting_blocks(network: nn.Module, blocks: Mapping[str, Sequence[str]]) -> dict[str, list[str]]:
+def fitting_blocks(network: nn.Module, blocks: Blocks) -> dict[str, list[str]]:
     """The blocks without patterns that match no parameter: a variant of a network may lack a part."""
     keys = [key for key, _ in network.named_parameters()]
     fitting = {

@@ -30,7 +30,7 @@ from sfkit.architectures.calling import PLAIN, Calling
 from sfkit.architectures.code import Code
 from sfkit.architectures.identity import code_identity
 from sfkit.architectures.inputs import InputConvention
-from sfkit.architectures.module_blocks import top_level_blocks
+from sfkit.architectures.module_blocks import ByNetwork, by_options, top_level_blocks
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import home
 
@@ -67,6 +67,7 @@ class Architecture:
         checkout: options -> digest of the user's checkout that it is built from; part of every key.
         places: options that name folders: they say where, not what, and are no part of keys.
         advice: globs of keys -> what to do where a checkpoint lacks them.
+        by_network: how a network that is built already tells its blocks; None where ``blocks`` needs none.
     """
 
     name: str
@@ -90,6 +91,7 @@ class Architecture:
     checkout: Callable[[Options], str] | None = None
     places: tuple[str, ...] = ()
     advice: Mapping[str, str] = field(default_factory=dict)
+    by_network: ByNetwork | None = None
 
     @property
     def version(self) -> str:
@@ -99,6 +101,10 @@ class Architecture:
     def version_of(self, options: Options) -> str:
         """The version, with the state of the checkout it is built from, if it is."""
         return self.version if self.checkout is None else f"{self.version}+{self.checkout(options)}"
+
+    def blocks_of(self, network: nn.Module, options: Options) -> Blocks:
+        """What ``blocks`` answers, by a network that is built already."""
+        return self.blocks(options) if self.by_network is None else self.by_network.tell(network, options)
 
     def is_optional(self, key: str) -> bool:
         """True for a key a checkpoint may lack, or have though the options leave that part out."""
@@ -142,7 +148,7 @@ _CLAIMED: dict[str, dict[str, Architecture]] = {}  # a file's identity -> what i
 def register_architecture(
     name: str,
     *,
-    blocks: Blocks | Callable[[Options], Blocks],
+    blocks: Blocks | Callable[[Options], Blocks] | ByNetwork,
     inputs: InputConvention | Callable[[Options], InputConvention] | None = None,
     optional: Iterable[str] = (),
     constants: Iterable[str] = (),
@@ -189,10 +195,11 @@ def register_architecture(
         if version is None:
             code_identity(name, builder, further)  # refused here rather than when a pool is opened
         convention = InputConvention() if inputs is None else inputs
+        by_network = blocks if isinstance(blocks, ByNetwork) else None
         _REGISTRY[name] = Architecture(
             name=name,
             build=builder if calling == PLAIN and further is None else _adapted(builder, calling, further),
-            blocks=blocks if callable(blocks) else lambda _options: blocks,
+            blocks=by_options(blocks, builder),
             inputs=convention if callable(convention) else lambda _options: convention,
             defaults=_defaults(name, builder),
             said=version,
@@ -210,6 +217,7 @@ def register_architecture(
             checkout=checkout,
             places=tuple(places),
             advice=dict(advice or {}),
+            by_network=by_network,
         )
         return builder
 
@@ -338,7 +346,8 @@ def _register_plainly(name: str, found: object) -> None:
     if same is not None:
         _REGISTRY[name] = replace(same, name=name)
         return
-    register_architecture(name, blocks=lambda options: top_level_blocks(found(**options)))(found)
+    modules = ByNetwork(lambda network, _options: top_level_blocks(network))
+    register_architecture(name, blocks=modules)(found)
 
 
 def _inner(builder: Callable[..., nn.Module]) -> object:

@@ -28,7 +28,7 @@ def check(
     if data is not None:
         whole = data.open()
         opened_benchmark = whole.first(min(pairs, len(whole.pairs)))
-    from sfkit.analysis.linear_path import linear_paths
+    from sfkit.analysis import linear_paths
     from sfkit.evaluation import Evaluator
     from sfkit.evaluation.first_call import first_call
 

@@ -17,7 +17,7 @@ from sfkit.merging.members import Checked, PoolOpener, assemble
 from sfkit.merging.partitions import auto_partition, parse_partition
 from sfkit.merging.pool import Pool
 from sfkit.merging.recognition import whose_keys
-from sfkit.merging.tensor_specs import tensor_specs
+from sfkit.merging.tensor_specs import specs_of, undrawn
 
 SHIPPED = "sfkit.bank"  # stands further right, and is imported when a name is looked up
 _NAMED: dict[str, Path] = {}
@@ -64,8 +64,10 @@ def open_pool(
     automatic = parse_partition(wanted) if isinstance(wanted, str) else None
     entry = entry_for(spec.architecture, spec.module, spec.path.parent if spec.path else None)
     options = entry.resolve(spec.options, near=spec.base.path)
-    specs = tensor_specs(entry, options)
-    partition = BlockPartition.of(spec.blocks or entry.blocks(options))
+    network = undrawn(entry, options)
+    specs = specs_of(network, entry)
+    partition = BlockPartition.of(spec.blocks or entry.blocks_of(network, options))
+    del network
     partition.check(spec.key for spec in specs)
     opener = PoolOpener(entry, options, specs, cache or VectorCache())
     try:

@@ -18,17 +18,20 @@ _DRAWING = ("normal_", "uniform_", "orthogonal_")  # how the functions end that 
 
 
 def tensor_specs(architecture: Architecture, options: Mapping[str, Any]) -> tuple[TensorSpec, ...]:
-    """The state dict a checkpoint of this architecture has, in the module's order.
+    """The state dict a checkpoint of this architecture has, in the module's order."""
+    return specs_of(undrawn(architecture, options), architecture)
 
-    The network is built without its initial values being drawn, which costs neither memory nor time;
-    one whose constructor needs them is built in full.
+
+def undrawn(architecture: Architecture, options: Mapping[str, Any]) -> nn.Module:
+    """A network without its initial values being drawn, which costs neither memory nor time.
+
+    One whose constructor needs them is built in full.
     """
     try:
         with _Undrawn():
-            network = architecture.build(**options)
+            return architecture.build(**options)
     except RuntimeError:
-        network = architecture.build(**options)
-    return tuple(_specs(network, architecture))
+        return architecture.build(**options)
 
 
 class _Undrawn(TorchFunctionMode):
@@ -50,6 +53,11 @@ class _Undrawn(TorchFunctionMode):
         if getattr(func, "__name__", "").endswith(_DRAWING):
             return args[0] if args else named["tensor"]
         return func(*args, **named)
+
+
+def specs_of(network: nn.Module, architecture: Architecture) -> tuple[TensorSpec, ...]:
+    """What :func:`tensor_specs` says, of a network that is built already."""
+    return tuple(_specs(network, architecture))
 
 
 def _specs(network: nn.Module, architecture: Architecture) -> Iterator[TensorSpec]:

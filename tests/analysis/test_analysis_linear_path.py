@@ -14,7 +14,7 @@ import torch
 from safetensors.torch import save_file
 
 import sfkit
-from sfkit.analysis.linear_path import LinearPaths, linear_paths
+from sfkit.analysis import LinearPaths, linear_paths
 from sfkit.analysis.linear_path import Path as Line
 from sfkit.cli import main
 from sfkit.errors import InputError, SfkitWarning

@@ -7,14 +7,15 @@ from pathlib import Path
 
 import pytest
 import torch
-from own_networks import NETWORK
+from own_networks import NETWORK, write_pool, write_states
 from stand_ins import STAND_INS, openstereo, write, write_stand_in
 from torch import nn
 
 import sfkit
-from sfkit.architectures import architecture
+from sfkit.architectures import architecture, registry
 from sfkit.architectures.calling import Calling
 from sfkit.architectures.code import tree_digest
+from sfkit.architectures.module_blocks import ByNetwork
 from sfkit.errors import InputError
 from sfkit.merging.blocks import BlockPartition
 
@@ -97,6 +98,25 @@ def test_every_part_of_a_repositorys_network_lies_in_a_block(name: str, tmp_path
     assert all(partition.block_of(key) >= 0 for key in keys)
 
 
+def test_opening_a_pool_builds_its_network_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registry, "_REGISTRY", dict(registry._REGISTRY))  # no other test shall recognise it
+    namespace: dict[str, type[nn.Module]] = {}
+    exec(NETWORK, namespace)  # noqa: S102 (a network of a user's)
+    built = []
+
+    def build() -> nn.Module:
+        built.append(namespace["MyNet"]())
+        return built[-1]
+
+    globs = {"features": ["features.*", "fpn.*"], "head": ["head.*"], "refinement": ["refinement.*"]}
+    sfkit.register_architecture("counted", blocks=ByNetwork.fitting(globs), version="1")(build)
+    write_states(tmp_path)
+    pool = sfkit.open_pool(write_pool(tmp_path, 'architecture = "counted"'))
+    assert pool.blocks == ("features", "head")
+    assert len(built) == 1
+    assert architecture("counted").blocks({}) == {"features": ["features.*"], "head": ["head.*"]}
+
+
 def test_a_changed_checkout_is_another_version_and_its_place_is_none(tmp_path: Path) -> None:
     described = [pool_of("raft-stereo", tmp_path / place).describe() for place in ("here", "there")]
     assert described[0] == described[1]
@@ -118,7 +138,6 @@ def test_the_configuration_says_how_images_become_input(tmp_path: Path) -> None:
     [
         ({}, "the option root is missing, expected your checkout of XiandaGuo/OpenStereo"),
         ({"root": "{root}", "cfg": "gone.yaml"}, r"gone\.yaml: no such file"),
-        ({"root": "{root}", "cfg": "sttr.yaml"}, "OpenStereo's STTR is not offered"),
     ],
 )
 def test_openstereo_refusals(options: dict[str, str], message: str, tmp_path: Path) -> None:
@@ -127,6 +146,15 @@ def test_openstereo_refusals(options: dict[str, str], message: str, tmp_path: Pa
     entry = architecture("openstereo")
     with pytest.raises(InputError, match=message):
         entry.build(**entry.resolve(filled))
+
+
+@pytest.mark.parametrize("name", ["AANet", "CFNet", "NMRF", "STTR", "IInet", "MonSter"])
+def test_models_of_openstereo_that_need_a_gpu_are_refused_by_name(name: str, tmp_path: Path) -> None:
+    root = openstereo(tmp_path)
+    (root / "cfgs" / "model.yaml").write_text(f"MODEL: {{ NAME: {name} }}")
+    entry = architecture("openstereo")
+    with pytest.raises(InputError, match=f"OpenStereo's {name} is not offered: .* does not run on a CPU"):
+        entry.build(**entry.resolve({"root": str(root), "cfg": "model.yaml"}))
 
 
 def test_an_aanet_without_its_extension_says_what_to_build(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from sfkit.architectures.adapters import standalone
 from sfkit.architectures.adapters.checkouts import packages, without_downloads
 from sfkit.architectures.code import tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.module_blocks import fitting_blocks
+from sfkit.architectures.module_blocks import ByNetwork, fitting_blocks
 from sfkit.architectures.registry import Blocks, Options, register_architecture
 from sfkit.errors import InputError, unknown_name
 
@@ -125,10 +125,10 @@ def _inputs(options: Options) -> InputConvention:
     return InputConvention(1.0 / 255.0, cast(Any, mean), cast(Any, std), 32, PadSides.CENTRE)
 
 
-def _blocks(options: Options) -> Blocks:
+def _blocks(network: nn.Module, options: Options) -> Blocks:
     blocks = FAMILIES[_family(options["model"])].blocks
     prefixed = {name: [PREFIX + glob for glob in globs] for name, globs in blocks.items()}
-    return fitting_blocks(stereo_matching(**options), prefixed)
+    return fitting_blocks(network, prefixed)
 
 
 def _named(keys: Iterable[str]) -> Mapping[str, str]:
@@ -138,7 +138,7 @@ def _named(keys: Iterable[str]) -> Mapping[str, str]:
 
 @register_architecture(
     "stereo-matching",
-    blocks=_blocks,
+    blocks=ByNetwork(_blocks),
     inputs=_inputs,
     rename=_named,
     checkout=lambda _options: tree_digest(_folder()),

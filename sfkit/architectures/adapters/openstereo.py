@@ -16,7 +16,7 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, packages, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.module_blocks import top_level_blocks
+from sfkit.architectures.module_blocks import ByNetwork, top_level_blocks
 from sfkit.architectures.registry import Blocks, Options, register_architecture
 from sfkit.architectures.yaml_file import read_yaml
 from sfkit.errors import InputError, unknown_name
@@ -87,9 +87,9 @@ def _name(options: Mapping[str, Any]) -> str:
     return name
 
 
-def _blocks(options: Options) -> Blocks:
+def _blocks(network: nn.Module, options: Options) -> Blocks:
     name = _name(options)
-    return BLOCKS[name] if name in BLOCKS else top_level_blocks(openstereo(**options))
+    return BLOCKS[name] if name in BLOCKS else top_level_blocks(network)
 
 
 def _inputs(options: Options) -> InputConvention:
@@ -119,7 +119,7 @@ def _model_class(root: str, name: str) -> Any:
 
 @register_architecture(
     "openstereo",
-    blocks=_blocks,
+    blocks=ByNetwork(_blocks),
     inputs=_inputs,
     call="dictionary",
     output="key:disp_pred",

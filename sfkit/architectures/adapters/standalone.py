@@ -13,8 +13,8 @@ from torch import nn
 from sfkit.architectures.adapters.checkouts import Arguments, ensure_root, without_downloads
 from sfkit.architectures.code import import_from, tree_digest
 from sfkit.architectures.inputs import InputConvention, PadSides
-from sfkit.architectures.module_blocks import fitting_blocks
-from sfkit.architectures.registry import Blocks, Options, register_architecture
+from sfkit.architectures.module_blocks import ByNetwork
+from sfkit.architectures.registry import Blocks, register_architecture
 from sfkit.errors import InputError
 from sfkit.files import home
 
@@ -47,25 +47,9 @@ def _checkout(options: Mapping[str, Any]) -> str:
     return tree_digest(options["root"]) if options["root"] else ""
 
 
-def _raft_stereo_blocks(options: Options) -> Blocks:
-    return fitting_blocks(raft_stereo(**options), RAFT_BLOCKS)
-
-
-def _igev_stereo_blocks(options: Options) -> Blocks:
-    return fitting_blocks(igev_stereo(**options), IGEV_BLOCKS)
-
-
-def _aanet_blocks(options: Options) -> Blocks:
-    return fitting_blocks(aanet(**options), AANET_BLOCKS)
-
-
-def _gmstereo_blocks(options: Options) -> Blocks:
-    return fitting_blocks(gmstereo(**options), GMSTEREO_BLOCKS)
-
-
 @register_architecture(
     "raft-stereo",
-    blocks=_raft_stereo_blocks,
+    blocks=ByNetwork.fitting(RAFT_BLOCKS),
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     output=("last", "negated"),  # (low-resolution flow, full-resolution flow): right minus left
@@ -109,7 +93,7 @@ def raft_stereo(
 
 @register_architecture(
     "igev-stereo",
-    blocks=_igev_stereo_blocks,
+    blocks=ByNetwork.fitting(IGEV_BLOCKS),
     inputs=RAW,
     keywords=lambda options: {"iters": options["iterations"], "test_mode": True},
     checkout=_checkout,
@@ -152,7 +136,7 @@ def igev_stereo(
 
 @register_architecture(
     "aanet",
-    blocks=_aanet_blocks,
+    blocks=ByNetwork.fitting(AANET_BLOCKS),
     inputs=InputConvention(multiple=48, sides=PadSides.TOP_RIGHT),
     output="last",  # a list of disparities, the finest last
     checkout=_checkout,
@@ -193,7 +177,7 @@ def aanet(
 
 @register_architecture(
     "gmstereo",
-    blocks=_gmstereo_blocks,
+    blocks=ByNetwork.fitting(GMSTEREO_BLOCKS),
     inputs=InputConvention(multiple=32, sides=PadSides.CENTRE),
     keywords=lambda options: {
         "attn_type": options["attn_type"],
