@@ -64,6 +64,13 @@ CASES = {
 }
 
 
+# Each is seen whole; the table of results holds them in this order.
+WANTED = (
+    ("nmrf-res", "onnx", False),
+    ("nmrf-swint", "onnx", False),
+)
+
+
 def measure(name: str, form: Form, dynamic: bool, real: Path) -> dict[str, Any]:
     """Merge, export, compare.
 
@@ -117,7 +124,9 @@ def _merged(folder: Path, case: Case) -> Path:
         torch.save(moved, folder / f"{name}.pth")
     said = "".join(f"{key} = {json.dumps(value)}\n" for key, value in case.options.items())
     sources = "".join(f'[sources.{name}]\nfile = "{name}.pth"\n' for name in "ab")
-    text = f'name = "pool"\narchitecture = "{case.kind}"\n[options]\n{said}[base]\nfile = "base.pth"\n{sources}'
+    text = (
+        f'name = "pool"\narchitecture = "{case.kind}"\n[options]\n{said}[base]\nfile = "base.pth"\n{sources}'
+    )
     (folder / "pool.toml").write_text(text, encoding="utf-8")
     pool = sfkit.open_pool(folder / "pool.toml")
     return sfkit.save_merged(pool, pool.uniform(), folder / "merged.safetensors")

@@ -19,6 +19,7 @@ from sfkit.cli.options import (
     network_options,
 )
 from sfkit.cli.outputs import Places
+from sfkit.cli.terminal import say
 from sfkit.errors import InputError
 
 _SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
@@ -74,6 +75,7 @@ def export(
         architecture=architecture,
         options=network_options(option),
         overwrite=force,
+        progress=say,
     )
     taken = (
         f"{exported.size[0]}x{exported.size[1]} (height x width)"

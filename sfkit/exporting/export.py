@@ -44,11 +44,12 @@ class Form(StrEnum):
     PTH = "pth"  # the layout of the base's checkpoint
 
 
-# Of the large networks that come with sfkit, what was measured whole and with one size.
-SEEN: dict[str, tuple[Form, ...]] = {
-    "foundation-stereo": (Form.ONNX, Form.TORCH),
-    "nmrf-res": (),
-    "nmrf-swint": (Form.ONNX,),
+# Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
+# What stands here was run whole (docs/results.md).
+SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
+    "foundation-stereo": {(Form.ONNX, False): None, (Form.TORCH, False): None},
+    "nmrf-res": {(Form.ONNX, False): None},
+    "nmrf-swint": {(Form.ONNX, False): None},
 }
 ENDINGS = {
     Form.ONNX: (".onnx",),
@@ -57,7 +58,8 @@ ENDINGS = {
     Form.PTH: (".pth", ".pt", ".ckpt", ".tar"),
 }
 MAKERS: dict[
-    Form, Callable[[DeployedNetwork, Sizes, torch.Tensor, torch.Tensor], formats.ExportedNetwork]
+    Form,
+    Callable[[DeployedNetwork, Sizes, torch.Tensor, torch.Tensor, formats.Tell], formats.ExportedNetwork],
 ] = {
     Form.ONNX: formats.onnx,
     Form.TORCH: formats.torch_export,
@@ -106,6 +108,7 @@ def export_network(
     architecture: str | None = None,
     options: Mapping[str, Any] | None = None,
     overwrite: bool = False,
+    progress: Callable[[str], None] | None = None,
 ) -> Exported:
     """Export a network, run the result beside it on a pair, and write it with its recipe and licences.
 
@@ -124,6 +127,7 @@ def export_network(
         architecture: for a file that does not say it.
         options: the architecture's options; those in the file are the default.
         overwrite: whether an existing file may be replaced.
+        progress: hears what is done next, one line each.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) before what nobody has seen to its end (:func:`untried`).
 
@@ -135,10 +139,16 @@ def export_network(
     out = check_target(out, form, overwrite=overwrite)
     if dynamic and size is not None:
         raise InputError("size: found a size beside dynamic, expected one of the two")
+    if dynamic and form is Form.TORCHSCRIPT:
+        raise InputError(
+            "TorchScript: a trace holds one size, found dynamic sizes; give a size, or another format"
+        )
     if pair is not None and size is not None and pair[0].shape[:2] != tuple(size):
         height, width = pair[0].shape[:2]
         raise InputError(f"size: found {size[0]}x{size[1]} and a pair of {height}x{width}, expected the same")
     loaded = load_network(path, name=architecture, options=options)
+    if (reason := SEEN.get(loaded.name, {}).get((form, dynamic))) is not None:
+        raise InputError(f"{path}: {loaded.name} does not export so: {reason}")
     if (what := untried(loaded.name, form, dynamic=dynamic)) is not None:
         warnings.warn(
             f"{what} was never run to its end with {loaded.name}: it may take long or fail; the check on the "
@@ -146,9 +156,11 @@ def export_network(
             SfkitWarning,
             stacklevel=2,
         )
+    tell = progress or (lambda _line: None)
     pair = pair or rendered_pair(size or SIZE)
     seen = (pair[0].shape[0], pair[0].shape[1])
     sizes = Sizes(None if dynamic else seen, loaded.inputs.multiple)
+    tell(f"running the network on a pair of {seen[0]}x{seen[1]}")
     expected = predict(loaded, *pair)
     if form is Form.PTH:
         _write_checkpoint(path, out, overwrite=overwrite)
@@ -156,7 +168,8 @@ def export_network(
         return _compared(out, form, sizes, found, expected)
     network = DeployedNetwork(loaded.network, loaded.inputs, sizes).eval()
     example = Fed.of(*rendered_pair(_example_size(sizes, seen)), loaded.inputs, sizes)
-    made = MAKERS[form](network, sizes, example.left, example.right)
+    made = MAKERS[form](network, sizes, example.left, example.right, tell)
+    tell("running the file beside the network")
     fed = Fed.of(*pair, loaded.inputs, sizes)
     exported = _compared(out, form, sizes, fed.crop(made.run(fed.left, fed.right)), expected)
     write_bytes(out, made.content(_metadata(path, loaded, exported)))
@@ -169,9 +182,9 @@ def untried(name: str, form: Form, *, dynamic: bool) -> str | None:
     Exporters take minutes for the large networks that come with sfkit; what was measured is in
     ``docs/how_to/export.md``.
     """
-    if form is Form.PTH or name not in SEEN or (form in SEEN[name] and not dynamic):
+    if form is Form.PTH or name not in SEEN or (form, dynamic) in SEEN[name]:
         return None
-    return "--dynamic" if form in SEEN[name] else f"export to {form.value}"
+    return f"export to {form.value}{' with --dynamic' if dynamic else ''}"
 
 
 def form_of(form: Form | str) -> Form:

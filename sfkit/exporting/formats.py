@@ -21,6 +21,7 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.exporting.deployed import DeployedNetwork, Sizes
 
 Run = Callable[[torch.Tensor, torch.Tensor], NDArray[np.float32]]
+Tell = Callable[[str], None]
 NAMES = ("left", "right")
 METADATA = "sfkit.json"
 """The extra file inside what torch writes that holds the metadata."""
@@ -39,7 +40,9 @@ class ExportedNetwork:
     content: Callable[[Mapping[str, str]], bytes]
 
 
-def onnx(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor) -> ExportedNetwork:
+def onnx(
+    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor, tell: Tell
+) -> ExportedNetwork:
     """By PyTorch's dynamo exporter; run by onnxruntime.
 
     Raises:
@@ -54,14 +57,15 @@ def onnx(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torc
     import onnxruntime
 
     with _exporting("ONNX"):
+        # Given the network it would try a second way to trace it where the first fails, for minutes.
+        traced = _traced(network, sizes, left, right, tell)
+        tell("writing them as ONNX")
         program = torch.onnx.export(
-            network,
-            (left, right),
+            traced,
             dynamo=True,
             verbose=False,
             input_names=list(NAMES),
             output_names=["disparity"],
-            dynamic_shapes=sizes.dynamic_shapes(),
         )
         if program is None:  # never with dynamo=True; its type says so
             raise SfkitError("ONNX: the exporter returned nothing")
@@ -82,7 +86,7 @@ def onnx(network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torc
 
 
 def torch_export(
-    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor
+    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor, tell: Tell
 ) -> ExportedNetwork:
     """A program of ``torch.export``, which ``torch.export.load`` opens without sfkit.
 
@@ -90,9 +94,7 @@ def torch_export(
         SfkitError: the network does not export.
     """
     with _exporting("torch.export"):
-        program = torch.export.export(
-            network, (left, right), dynamic_shapes=sizes.dynamic_shapes(), strict=False
-        )
+        program = _traced(network, sizes, left, right, tell)
     module = program.module()
 
     def content(metadata: Mapping[str, str]) -> bytes:
@@ -105,19 +107,15 @@ def torch_export(
 
 
 def torchscript(
-    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor
+    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor, tell: Tell
 ) -> ExportedNetwork:
     """A trace for ``torch.jit.load``, of one size.
 
     Raises:
-        InputError: the sizes are dynamic.
         SfkitError: the network does not export.
     """
-    if sizes.fixed is None:
-        raise InputError(
-            "TorchScript: a trace holds one size, found dynamic sizes; give a size, or another format"
-        )
     with _exporting("TorchScript"):
+        tell(TRACING)
         module = torch.jit.trace(network, (left, right), check_trace=False)  # type: ignore[no-untyped-call]
 
     def content(metadata: Mapping[str, str]) -> bytes:
@@ -127,6 +125,20 @@ def torchscript(
         return buffer.getvalue()
 
     return ExportedNetwork(_of_module(module), content)
+
+
+TRACING = "tracing the network: its loops are unrolled, a large one takes minutes"
+
+
+def _traced(
+    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor, tell: Tell
+) -> torch.export.ExportedProgram:
+    """The network as a list of operations, each of which every exporter takes its time for."""
+    tell(TRACING)
+    program = torch.export.export(network, (left, right), dynamic_shapes=sizes.dynamic_shapes(), strict=False)
+    count = sum(node.op == "call_function" for node in program.graph.nodes)
+    tell(f"{count:,} operations")
+    return program
 
 
 def _of_module(module: Any) -> Run:

@@ -21,6 +21,13 @@ def test_join_undoes_cut_and_windows_run_row_by_row(rows: int, cols: int, size: 
         assert torch.equal(tiles[0, r * cols + c], tile.flatten())
 
 
+@given(length=st.integers(0, 100), size=st.integers(1, 9))
+def test_whole_windows_hold_a_length_and_no_window_more(length: int, size: int) -> None:
+    found = windows.whole(length, size)
+    assert found % size == 0
+    assert length <= found < length + size
+
+
 @pytest.mark.parametrize("size", [2, 4, 7])
 def test_relative_position_index_pair_by_pair(size: int) -> None:
     index = windows.relative_position_index(size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -22,9 +23,10 @@ from sfkit.architectures.portable import portable
 from sfkit.cli import main
 from sfkit.datasets.images import read_image
 from sfkit.errors import InputError, SfkitError, SfkitWarning
-from sfkit.exporting import Form, export_network
+from sfkit.exporting import Form, export, export_network
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
 from sfkit.exporting.export import rendered_pair, untried
+from sfkit.exporting.formats import TRACING
 from sfkit.files import writing
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "architectures"))
@@ -75,8 +77,11 @@ def test_a_file_of_a_fixed_size_pads_normalises_and_tells_its_origin(
     merged: Path, tmp_path: Path, form: Form
 ) -> None:
     out = tmp_path / {"onnx": "net.onnx", "torch": "net.pt2", "torchscript": "net.pt"}[form]
-    exported = export_network(merged, out, form=form, size=SIZE)
+    lines: list[str] = []
+    exported = export_network(merged, out, form=form, size=SIZE, progress=lines.append)
     assert exported.agrees
+    assert lines[:2] == ["running the network on a pair of 45x70", TRACING]
+    assert lines[-1] == "running the file beside the network"
     assert exported.size == exported.pair == SIZE
     rng = np.random.default_rng(3)
     left, right = rng.integers(0, 256, (2, *SIZE, 3), dtype=np.uint8)
@@ -97,6 +102,18 @@ def test_a_file_of_a_fixed_size_pads_normalises_and_tells_its_origin(
     assert told["sfkit.export"]["checked"]["largest"] == exported.largest
     assert told["sfkit.export"]["size"] == list(SIZE)
     assert len(told["sfkit.network"]["fingerprint"]) == 64
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
+def test_a_dynamic_file_runs_at_sizes_it_was_not_made_at(merged: Path, tmp_path: Path) -> None:
+    exported = export_network(
+        merged, tmp_path / "net.pt2", form="torch", dynamic=True, pair=rendered_pair(SIZE)
+    )
+    assert exported.agrees
+    assert (exported.size, exported.multiple, exported.pair) == (None, 16, SIZE)
+    left, right = np.random.default_rng(3).integers(0, 256, (2, 48, 80, 3), dtype=np.uint8)
+    difference = np.abs(run(exported.path, Form.TORCH, left, right) - sfkit.load(merged)(left, right))
+    assert np.percentile(difference, 99) < 1e-3
 
 
 def test_the_plain_checkpoint_loads_where_the_base_did(merged: Path, tmp_path: Path) -> None:
@@ -218,31 +235,39 @@ def test_a_network_that_does_not_export_is_named_in_one_sentence(tmp_path: Path)
     assert not (tmp_path / "out.pt2").exists()
 
 
-def test_what_was_never_run_to_its_end_is_said_before_it_starts(tmp_path: Path) -> None:
+@pytest.mark.parametrize("reason", [None, "its windows"])
+def test_what_was_never_run_and_what_cannot_be_is_said_before_it_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: str | None
+) -> None:
+    def stop(*_: object) -> None:
+        raise SfkitError("it has started")
+
     network = architecture("nmrf-res").build()
     fill(network, "A")
     torch.save(network.state_dict(), tmp_path / "net.pth")
-    with (
-        pytest.warns(
-            SfkitWarning,
-            match="export to torchscript was never run to its end with nmrf-res: it may take long",
-        ),
-        pytest.raises(InputError, match="a trace holds one size"),
-    ):
+    monkeypatch.setattr(export, "predict", stop)
+    monkeypatch.setattr(export, "SEEN", {"nmrf-res": {} if reason is None else {(Form.TORCH, True): reason}})
+    said = (
+        pytest.warns(SfkitWarning, match="export to torch with --dynamic was never run to its end with nmrf")
+        if reason is None
+        else contextlib.nullcontext()
+    )
+    sentence = "it has started" if reason is None else "nmrf-res does not export so: its windows"
+    with said, pytest.raises(SfkitError, match=sentence):
         export_network(
             tmp_path / "net.pth",
-            tmp_path / "net.pt",
-            form="torchscript",
+            tmp_path / "net.pt2",
+            form="torch",
             dynamic=True,
             pair=rendered_pair((64, 64)),
             architecture="nmrf-res",
         )
-    assert untried("foundation-stereo", Form.ONNX, dynamic=True) == "--dynamic"
-    assert untried("foundation-stereo", Form.TORCHSCRIPT, dynamic=False) == "export to torchscript"
-    assert untried("foundation-stereo", Form.TORCH, dynamic=False) is None
-    assert untried("nmrf-swint", Form.ONNX, dynamic=False) is None
-    assert untried("nmrf-swint", Form.TORCH, dynamic=False) == "export to torch"
-    assert untried("nmrf-swint", Form.PTH, dynamic=False) is None
+
+
+def test_what_was_measured_needs_no_warning() -> None:
+    for name, seen in export.SEEN.items():
+        assert all(untried(name, form, dynamic=dynamic) is None for form, dynamic in seen)
+        assert untried(name, Form.PTH, dynamic=True) is None
     assert untried("anynet", Form.ONNX, dynamic=True) is None
 
 

@@ -64,7 +64,6 @@ class GeometryLookup:
         """Volume (B, 28, D, h, w) and the features of both images (B, C, h, w); all are read as float32."""
         self._volume = volume.float()
         self._left, self._right = left.float(), right.float()
-        self._strip = max(1, STRIP_ENTRIES // (left.shape[0] * left.shape[3] ** 2))
         self._pairs = None if low_memory else cosine_rows(self._left, self._right)
 
     def __call__(self, disparity: Tensor) -> Tensor:
@@ -100,6 +99,8 @@ class GeometryLookup:
         if self._pairs is not None:
             yield slice(None), self._pairs
             return
-        for start in range(0, self._left.shape[2], self._strip):
-            rows = slice(start, start + self._strip)
+        batch, _, height, width = self._left.shape
+        strip = max(1, STRIP_ENTRIES // (batch * width**2))
+        for start in range(0, height, strip):
+            rows = slice(start, start + strip)
             yield rows, cosine_rows(self._left[:, :, rows], self._right[:, :, rows])

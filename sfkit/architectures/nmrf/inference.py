@@ -183,8 +183,9 @@ class MessageStack(nn.Module):
             Normalised tokens (B, h, w, N, c): of every layer in training, else of the last alone.
         """
         height, width = unary.shape[1:3]
-        top, left = (-height % self.window) // 2, (-width % self.window) // 2
-        bottom, right = -height % self.window - top, -width % self.window - left
+        down, across = (windows.whole(n, self.window) - n for n in (height, width))
+        top, left = down // 2, across // 2
+        bottom, right = down - top, across - left
         x, code = (F.pad(y, (0, 0, 0, 0, left, right, top, bottom)) for y in (self.ffn(unary), code))
         strangers = self._strangers(x)
         outputs = []

@@ -74,7 +74,8 @@ class Block(nn.Module):
     def _attend(self, x: torch.Tensor, penalty: torch.Tensor) -> torch.Tensor:
         height, width = x.shape[1:3]
         # The padding comes after the norm: padded tokens are exact zeros, and take part unmasked.
-        x = F.pad(x, (0, 0, 0, -width % WINDOW, 0, -height % WINDOW))
+        bottom, right = windows.whole(height, WINDOW) - height, windows.whole(width, WINDOW) - width
+        x = F.pad(x, (0, 0, 0, right, 0, bottom))
         padded = x.shape[1:3]
         if self.shift:
             x = x.roll((-self.shift, -self.shift), (1, 2))
@@ -112,7 +113,7 @@ class SwinStage(nn.Module):
         self, x: torch.Tensor, keeps: Iterator[torch.Tensor | None]
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """(B, h, w, c) -> this stage's map, and the next stage's input (B, h/2, w/2, 2c)."""
-        padded = torch.Size(n + -n % WINDOW for n in x.shape[1:3])
+        padded = torch.Size(windows.whole(n, WINDOW) for n in x.shape[1:3])
         strangers = windows.strangers(padded, WINDOW, x.device)[:, None]
         penalty = torch.zeros(strangers.shape, dtype=x.dtype, device=x.device)
         penalty.masked_fill_(strangers, REGION_PENALTY)

@@ -10,6 +10,11 @@ from __future__ import annotations
 import torch
 
 
+def whole(length: int, size: int) -> int:
+    """``length`` rounded up to whole windows; exporters of any size follow no remainder."""
+    return (length + size - 1) // size * size
+
+
 def cut(grid: torch.Tensor, size: int) -> torch.Tensor:
     """(B, H, W, *rest) -> (B, windows, T, *rest); H and W are multiples of ``size``."""
     batch, height, width, *rest = grid.shape
