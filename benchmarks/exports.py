@@ -64,10 +64,17 @@ CASES = {
 }
 
 
-# Each is seen whole; the table of results holds them in this order.
+# The rows of the table of results: network, format, whether of any size.
 WANTED = (
-    ("nmrf-res", "onnx", False),
-    ("nmrf-swint", "onnx", False),
+    *(
+        (name, form, False)
+        for name in ("nmrf-res", "nmrf-swint")
+        for form in ("onnx", "torch", "torchscript")
+    ),
+    *((name, form, True) for name in ("nmrf-res", "nmrf-swint") for form in ("onnx", "torch")),
+    *(("foundation-stereo-s", form, False) for form in ("onnx", "torch", "torchscript")),
+    ("foundation-stereo-s", "torch", True),
+    ("foundation-stereo-l", "torch", False),
 )
 
 
