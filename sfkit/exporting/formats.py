@@ -25,6 +25,7 @@ Tell = Callable[[str], None]
 NAMES = ("left", "right")
 METADATA = "sfkit.json"
 """The extra file inside what torch writes that holds the metadata."""
+TRACING = "tracing the network: its loops are unrolled, a large one takes minutes"
 
 
 @dataclass(frozen=True)
@@ -57,15 +58,15 @@ def onnx(
     import onnxruntime
 
     with _exporting("ONNX"):
-        # Given the network it would try a second way to trace it where the first fails, for minutes.
-        traced = _traced(network, sizes, left, right, tell)
-        tell("writing them as ONNX")
+        tell(TRACING)
         program = torch.onnx.export(
-            traced,
+            network,
+            (left, right),
             dynamo=True,
             verbose=False,
             input_names=list(NAMES),
             output_names=["disparity"],
+            dynamic_shapes=sizes.dynamic_shapes(),
         )
         if program is None:  # never with dynamo=True; its type says so
             raise SfkitError("ONNX: the exporter returned nothing")
@@ -94,7 +95,10 @@ def torch_export(
         SfkitError: the network does not export.
     """
     with _exporting("torch.export"):
-        program = _traced(network, sizes, left, right, tell)
+        tell(TRACING)
+        program = torch.export.export(
+            network, (left, right), dynamic_shapes=sizes.dynamic_shapes(), strict=False
+        )
     module = program.module()
 
     def content(metadata: Mapping[str, str]) -> bytes:
@@ -125,20 +129,6 @@ def torchscript(
         return buffer.getvalue()
 
     return ExportedNetwork(_of_module(module), content)
-
-
-TRACING = "tracing the network: its loops are unrolled, a large one takes minutes"
-
-
-def _traced(
-    network: DeployedNetwork, sizes: Sizes, left: torch.Tensor, right: torch.Tensor, tell: Tell
-) -> torch.export.ExportedProgram:
-    """The network as a list of operations, each of which every exporter takes its time for."""
-    tell(TRACING)
-    program = torch.export.export(network, (left, right), dynamic_shapes=sizes.dynamic_shapes(), strict=False)
-    count = sum(node.op == "call_function" for node in program.graph.nodes)
-    tell(f"{count:,} operations")
-    return program
 
 
 def _of_module(module: Any) -> Run:
