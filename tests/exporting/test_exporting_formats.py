@@ -104,18 +104,6 @@ def test_a_file_of_a_fixed_size_pads_normalises_and_tells_its_origin(
     assert len(told["sfkit.network"]["fingerprint"]) == 64
 
 
-@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")
-def test_a_dynamic_file_runs_at_sizes_it_was_not_made_at(merged: Path, tmp_path: Path) -> None:
-    exported = export_network(
-        merged, tmp_path / "net.pt2", form="torch", dynamic=True, pair=rendered_pair(SIZE)
-    )
-    assert exported.agrees
-    assert (exported.size, exported.multiple, exported.pair) == (None, 16, SIZE)
-    left, right = np.random.default_rng(3).integers(0, 256, (2, 48, 80, 3), dtype=np.uint8)
-    difference = np.abs(run(exported.path, Form.TORCH, left, right) - sfkit.load(merged)(left, right))
-    assert np.percentile(difference, 99) < 1e-3
-
-
 def test_the_plain_checkpoint_loads_where_the_base_did(merged: Path, tmp_path: Path) -> None:
     exported = export_network(merged, tmp_path / "net.pth", form="pth", size=SIZE)
     assert exported.largest == 0.0
