@@ -13,9 +13,9 @@ class Support(enum.Enum):
     """How the evidence stands to the recommended network."""
 
     SHOWN = "shown"
-    """Benchmarks that guided nothing show it better than the simpler network."""
+    """Benchmarks that guided nothing show it better than the simpler network, and no simpler one ahead."""
     UNDECIDED = "undecided"
-    """They cannot tell the two apart, or there are none."""
+    """They cannot tell the two apart, put another simpler network ahead, or there are none."""
     OVERRULED = "overruled"
     """Validation preferred another, and they show that one worse."""
 

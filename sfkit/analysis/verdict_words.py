@@ -104,8 +104,13 @@ def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
             "Every simpler network is more than one standard error behind it on validation, which is a hint "
             f"and no proof; the nearest is {unlike}{shown}."
         ]
-    if against.tests is None:
+    if not found.tests:
         said.append("No benchmark is left that guided nothing, so that nothing here is a test.")
+    elif against.tests is None:
+        said.append(
+            f"On what guided nothing ({', '.join(found.tests)}) one of the two has no score everywhere, so "
+            "that nothing there compares them."
+        )
     else:
         word = (
             "better than" if against.confirmed else "worse than" if against.refuted else "not told apart from"

@@ -48,7 +48,8 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
     """Source -> wall seconds of the one thread that fine-tuned it, as recorded when the bank was built.
 
     They stand beside the wall seconds of searches. The machine did other work at the time: ``trainings.json``
-    has the CPU seconds, a sixth of these, so that an overhead against them is a lower bound.
+    has the CPU seconds, a quarter of these on ``bank`` and half on ``bank-sharp``, so that an overhead
+    against them is a lower bound.
 
     Raises:
         InputError: no bank of that name.
@@ -59,6 +60,8 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
 
 def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, None]:
     """A bank's network that was trained on all sources' scenes, and its wall seconds; None twice without one.
+
+    As :func:`training_seconds`, on a machine that did other work: the CPU seconds are a third of these.
 
     Raises:
         InputError: no bank of that name.

@@ -174,6 +174,16 @@ def test_the_simplest_of_those_within_one_standard_error_is_named() -> None:
     assert "No benchmark is left that guided nothing" in found.sentence
 
 
+def test_benchmarks_on_which_the_simpler_network_failed_are_not_said_to_be_missing() -> None:
+    rows = {"Stage 1": [31, 31, 32, 30, 31], "Stage 1+2": [30, 31, 32, 31, 30]}
+    recipes = {name: RECIPES[name] for name in rows}
+    failed = measured({**rows, "Stage 1": []}, name="unseen")
+    found = verdict(recipes, [measured(rows, validation=True)], [failed])
+    assert (found.simplest, found.support, found.tests) == ("Stage 1", Support.UNDECIDED, ("unseen",))
+    assert "On what guided nothing (unseen) one of the two has no score everywhere" in found.sentence
+    assert "No benchmark is left" not in found.sentence
+
+
 def test_one_pair_tells_nothing_apart() -> None:
     guide = measured({"Stage 1": [30], "Stage 1+2": [20]}, validation=True)
     recipes = {name: RECIPES[name] for name in ("Stage 1", "Stage 1+2")}
