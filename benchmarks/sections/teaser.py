@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import json
+
 import pandas as pd
 import teaser
 
+from sfkit import bank
 from sfkit.analysis.tables import markdown_lines
 from sfkit.bank.plan import BANKS
+from sfkit.bank.sharp import JOINT
+from sfkit.datasets.synthetic.domains import BASE
 
 
 def section() -> str:
@@ -31,4 +36,11 @@ thread: the whole joint training, or the longest fine-tuning and the search's ev
 
 def _table(name: str, frame: pd.DataFrame) -> str:
     rows = [[row[0], *(f"{value:.2f}" for value in row[1:])] for row in frame.itertuples(index=False)]
-    return f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}"
+    record = json.loads((bank.pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
+    spent = {network: float(entry["cpu_seconds"]) for network, entry in record.items()}
+    longest = max(value for network, value in spent.items() if network not in (BASE.name, JOINT))
+    clock = (
+        f"The machine did other work meanwhile: of a processor joint training took {spent[JOINT]:,.0f} s, "
+        f"the longest fine-tuning {longest:,.0f} s."
+    )
+    return f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}\n\n{clock}"
