@@ -14,7 +14,7 @@ from sfkit.cli.outputs import Places
 from sfkit.cli.panels import ComputeOptions
 from sfkit.cli.terminal import Bars
 from sfkit.cli.validation import trust_entry, trust_lines
-from sfkit.outside import read_text
+from sfkit.outside import read_toml
 
 if TYPE_CHECKING:
     from sfkit.factory import FactoryResult
@@ -23,8 +23,8 @@ app = sub_commands()
 
 
 def _ensure_file(path: Path) -> Path:
-    """Refuse a file that cannot be read before anything is imported that could use it."""
-    read_text(path)
+    """Refuse a file that is no TOML before anything is imported that could use it."""
+    read_toml(path)
     return path
 
 

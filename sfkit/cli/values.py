@@ -59,7 +59,7 @@ def _read(value: Any, kind: Callable[[Any], Any], least: float | None) -> Any:
         made = kind(value)
     except ValueError:
         made = None
-    if made is None or (least is not None and made < least):
+    if made is None or (least is not None and not made >= least):  # nor is NaN
         bound = "" if least is None else f" of at least {least:g}"
         raise ValueError(f"found {value!r}, expected {_wanted(kind)}{bound}")
     return made

@@ -214,6 +214,7 @@ DOORS = (
     (f"search pool {PAIRS} --config place.toml", "'a\\x00b': is no name that a file can have"),
     (f"search pool {PAIRS} --resamples 1000000000 -o new", "resamples: found 1000000000", "at most 10000"),
     ("factory status pairs.toml", "pairs: found '2', expected a whole number"),
+    ("factory run pool/base.safetensors", "base.safetensors: is not TOML"),
     (f"merge pool --uniform -o {LATIN}.safetensors", "caf\\udce9.safetensors", "no UTF-8"),
 )
 
