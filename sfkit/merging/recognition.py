@@ -54,6 +54,7 @@ def recognised(path: Path) -> tuple[str, ...]:
     if known := known_architecture(path):
         return (known,)
     from sfkit.architectures import architecture, architectures
+    from sfkit.architectures.code import FAILURES
     from sfkit.checkpoints.reading import read_checkpoint
     from sfkit.merging.members import PoolOpener
     from sfkit.merging.tensor_specs import tensor_specs
@@ -75,7 +76,7 @@ def recognised(path: Path) -> tuple[str, ...]:
                 PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False)
         except InputError:
             continue
-        except Exception as error:  # whatever another's code raises when it is built with its defaults
+        except FAILURES as error:  # whatever another's code does when it is built with its defaults
             reason = f"{type(error).__name__}: {str(error).partition(chr(10))[0]}"
             warnings.warn(
                 f"architecture {name!r}: cannot be built with its default options ({reason}), so its keys "

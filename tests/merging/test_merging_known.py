@@ -160,6 +160,11 @@ sfkit.register_architecture("twin", blocks=anynet.blocks, version="1")(lambda: a
 def build(width=None):
     raise ValueError("say how wide\\nas in the manual")
 """,
+    "leaving": """import sfkit
+@sfkit.register_architecture("leaving", blocks={"all": ["*"]})
+def build():
+    raise SystemExit("no licence")
+""",
 }
 
 
@@ -185,6 +190,11 @@ def _install(site: Path, name: str) -> None:
             "hollow",
             ("anynet",),
             r"'hollow': cannot be built with .* \(ValueError: say how wide\), so its keys",
+        ),
+        (
+            "leaving",
+            ("anynet",),
+            r"'leaving': cannot be built with .* \(SystemExit: no licence\), so its keys",
         ),
     ],
 )
