@@ -38,9 +38,12 @@ def _table(name: str, frame: pd.DataFrame) -> str:
     rows = [[row[0], *(f"{value:.2f}" for value in row[1:])] for row in frame.itertuples(index=False)]
     record = json.loads((bank.pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
     spent = {network: float(entry["cpu_seconds"]) for network, entry in record.items()}
+    table = f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}"
+    if JOINT not in spent:  # a joint network of one's own, whose seconds were given
+        return table
     longest = max(value for network, value in spent.items() if network not in (BASE.name, JOINT))
     clock = (
         f"The machine did other work meanwhile: of a processor joint training took {spent[JOINT]:,.0f} s, "
         f"the longest fine-tuning {longest:,.0f} s."
     )
-    return f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}\n\n{clock}"
+    return f"{table}\n\n{clock}"

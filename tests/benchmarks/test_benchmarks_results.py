@@ -73,7 +73,7 @@ def test_an_unknown_section_is_refused_before_any_is_measured(
     monkeypatch.setattr(results, "record", recorded.append)
     with pytest.raises(SystemExit):
         results.main(["bigpool", "bigpol"])
-    assert "unknown section 'bigpol', expected one of: anynet-speed" in capsys.readouterr().err
+    assert "unknown section 'bigpol', expected one of: ablations-bank" in capsys.readouterr().err
     assert recorded == []
 
 

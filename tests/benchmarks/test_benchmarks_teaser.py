@@ -32,6 +32,9 @@ def test_each_bank_that_was_measured_has_its_table(
     text = section.section()
     assert "### `bank-slim`" in text
     assert "| uniform | 10.25 | 90.50 |" in text
+    assert "of a processor" not in text, "no joint training of this bank is recorded"
+    pd.DataFrame(rows).to_csv(tmp_path / "bank-sharp.csv", index=False)
+    assert "of a processor joint training took 2,927 s, the longest fine-tuning 311 s" in section.section()
 
 
 def test_a_bank_of_another_name_has_runs_of_its_own(scripts: tuple[ModuleType, ...]) -> None:
