@@ -9,7 +9,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -72,6 +72,7 @@ class Demo:
         report: the report; None where it was left out.
         scores: the table as CSV.
         verdict: what to deploy, beside base, the best single source and uniform.
+        proposed: method -> the most evaluations of its search: the paper's in this budget, a model's own.
     """
 
     table: pd.DataFrame
@@ -83,6 +84,7 @@ class Demo:
     report: Path | None
     scores: Path
     verdict: SearchVerdict
+    proposed: Mapping[str, int]
 
 
 def demo(
@@ -148,7 +150,11 @@ def demo(
         fresh = [len(evaluation.images) for evaluation in store if evaluation.key not in held]
     page = _report(out, seed, budget, compute, progress) if with_report else None
     seconds = time.perf_counter() - started
-    return Demo(table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores, judged)
+    proposed = {"paper": plan, "bayesian": plan.by("bayesian")}
+    most = {method: by.evaluations(pool.names, pool.blocks) for method, by in proposed.items()}
+    return Demo(
+        table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores, judged, most
+    )
 
 
 def _unseen() -> tuple[str, ...]:

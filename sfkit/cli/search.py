@@ -37,6 +37,7 @@ from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_
 from sfkit.cli.watching import Watch
 from sfkit.errors import InputError
 from sfkit.search import RoutingSettings, SubsetSettings
+from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
 if TYPE_CHECKING:
     from sfkit.datasets.metric import Metric
@@ -101,8 +102,6 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
       sfkit search pool.toml -b pairs -r ~/pairs --resamples 200
     """
-    from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
-
     guides, combine = guides_of(data.open(), guidance), guidance.combine
     kept_in = store or out / STORE
     places = Places(start=start, subset_from=subset_from, csv=data.csv)

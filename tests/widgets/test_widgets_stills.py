@@ -18,7 +18,7 @@ from IPython.core.interactiveshell import InteractiveShell
 from sfkit_widgets import PopulationView, RoutingInspector, RoutingView, SearchControl, watch
 from sfkit_widgets import _still as stills
 from sfkit_widgets._base import SfkitWidget
-from sfkit_widgets._sheet import Sheet, in_lines
+from sfkit_widgets._sheet import Sheet
 from tiny import write_pairs, write_pool
 
 import sfkit
@@ -176,13 +176,3 @@ def test_every_widget_has_a_sheet_of_its_own() -> None:
     for made in classes:
         if isinstance(made, type) and issubclass(made, SfkitWidget):
             assert made.sheet is not SfkitWidget.sheet, made
-
-
-def test_names_break_after_hyphens_where_they_have_no_room() -> None:
-    cases = {
-        "uneven-exposure": ["uneven-", "exposure"],
-        "haze": ["haze"],
-        "a_b-c": ["a_b-c"],
-        "x" * 20: ["x" * 20],
-    }
-    assert {name: in_lines(name, 54, 11) for name in cases} == cases
