@@ -72,6 +72,15 @@ DIFFERENCE = {
     "joint network": ("none", "one on all sources' scenes together, the same epochs"),
 }
 
+DEMO_BEFORE = {
+    "base": (31.45, 35.76, 38.50, 35.51, 36.59),
+    "single best (open-ground)": (26.09, 37.37, 27.43, 34.91, 33.24),
+    "uniform": (28.49, 31.54, 34.95, 27.68, 31.39),
+    "Stage 1": (25.76, 31.35, 25.58, 30.51, 29.15),
+    "Stage 1+2": (24.42, 31.81, 25.43, 30.85, 29.36),
+}
+"""`sfkit demo` on the first bank, with the same seed and budget (2026-11-27)."""
+
 BUILD = """\
 ## What is left
 
@@ -131,10 +140,26 @@ def with_joint(file: Path) -> Pool:
 def recorded_benchmarks(page: str) -> pd.DataFrame:
     """The first bank's networks by benchmarks, bad-3.0 in percent, as its page shows them."""
     section = page.split("## Benchmarks, bad-3.0 in percent")[1].split("\n## ")[0]
+    return _table(section)[list(bank.benchmarks())]
+
+
+def _table(section: str) -> pd.DataFrame:
+    """The first table of a section, its first column the index."""
     lines = [line.strip("|").split("|") for line in section.splitlines() if line.startswith("|")]
     head, _, *rows = [[cell.strip(" *") for cell in line] for line in lines]
     values = {name: [float(cell) for cell in numbers] for name, *numbers in rows}
-    return pd.DataFrame.from_dict(values, orient="index", columns=head[1:])[list(bank.benchmarks())]
+    return pd.DataFrame.from_dict(values, orient="index", columns=head[1:])
+
+
+def demo_before_and_after(results: str) -> pd.DataFrame:
+    """What ``sfkit demo`` found on the first bank, and what docs/results.md says it finds on this one."""
+    after = _table(results.split("<!-- begin demo -->")[1].split("<!-- end demo -->")[0])
+    after.columns = pd.Index([column.partition(" ")[0] for column in after.columns])
+    rows = {}
+    for (first, values), (name, row) in zip(DEMO_BEFORE.items(), after.iterrows(), strict=True):
+        rows[f"{first}, before"] = dict(zip(after.columns, values, strict=True))
+        rows[f"{name}, after"] = row.to_dict()
+    return pd.DataFrame.from_dict(rows, orient="index").rename(columns={"mean": "mean of the unseen"})
 
 
 def maps(former: Pool, pool: Pool) -> Picture:
@@ -165,6 +190,10 @@ def _sections(scores: BankScores, before: pd.DataFrame, ranks: pd.DataFrame) -> 
     yield f"\nPair {SHOWN} of each benchmark: left view, truth, then the base's map and its error (white from"
     yield "6 px on), the first bank's and this one's.\n"
     yield f"![Maps of both banks' bases]({MAPS.as_posix()})"
+    yield "\n## What the demo finds\n"
+    yield "Both stages guided by 8 pairs of courtyard, bad-3.0 in percent (docs/results.md).\n"
+    results = (Path(__file__).parent / "results.md").read_text(encoding="utf-8")
+    yield markdown(demo_before_and_after(results), digits=2)
     yield from benchmark_section(scores)
     yield "\n## How alike two halves of the pairs rank subsets\n"
     yield f"Mean Spearman correlation over 50 random halves of the first n pairs, of {SUBSETS} random subsets"
