@@ -10,6 +10,8 @@ import pandas as pd
 from commands import sfkit
 from full_report import markdown
 
+from sfkit.bank.demo import TEST_PAIRS
+
 OUT = Path(__file__).parents[2] / "runs" / "results" / "demo"
 
 
@@ -23,6 +25,6 @@ def section() -> str:
 `sfkit demo` from an empty store: {found["evaluations"]} evaluations,
 {found["forward_passes"]:,} forward passes, {found["seconds"]:.0f} s with its report. Stage 1 chose
 {", ".join(found["subset"])}. `*` marks the column that guided the search (its first 8 pairs); the other
-benchmarks have 40 unseen pairs each. Lower is better.
+benchmarks have {TEST_PAIRS} unseen pairs each. Lower is better.
 
 {markdown(table)}"""

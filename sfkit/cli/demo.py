@@ -70,8 +70,8 @@ def _text(found: Demo) -> str:
             "* guided the search; the others are unseen. Lower is better.",
             f"Stage 1 chose {', '.join(found.subset)}.",
             f"{found.evaluations} evaluations, {found.forward_passes} forward passes, {found.seconds:.0f} s.",
-            f"The paper's search, of at most {found.proposed['paper']} evaluations here; by a model (sfkit search "
-            f"--method bayesian) one takes at most {found.proposed['bayesian']}.",
+            f"The paper's search, of at most {found.proposed['paper']} evaluations here; by a model "
+            f"at most {found.proposed['bayesian']} (sfkit search --method bayesian).",
             f"network: {found.merged}",
             f"table:   {found.scores}",
             *([f"report:  {found.report}"] if found.report else []),
