@@ -47,8 +47,8 @@ class Budget:
     """How much the demo searches: a fraction of the paper's budget, which has M=50, T=15 and 300 trials."""
 
     population: int = 20
-    generations: int = 8
-    evaluations: int = 100
+    generations: int = 6
+    evaluations: int = 80
 
     @property
     def subsets(self) -> int:
