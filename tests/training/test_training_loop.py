@@ -62,6 +62,7 @@ def test_stopping_anywhere_and_resuming_ends_with_the_same_file(base: Path, tmp_
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork: run it on Linux")
+@pytest.mark.slow
 def test_kill_9_at_random_moments_ends_with_the_same_file(base: Path, tmp_path: Path) -> None:
     whole = finetune(base, tiny_set(), tmp_path / "whole.safetensors", settings=SETTINGS)
     out, rng = tmp_path / "killed.safetensors", np.random.default_rng(0)
