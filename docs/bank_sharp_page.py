@@ -191,8 +191,8 @@ def _sections(scores: BankScores, before: pd.DataFrame, ranks: pd.DataFrame) -> 
     yield "6 px on), the first bank's and this one's.\n"
     yield f"![Maps of both banks' bases]({MAPS.as_posix()})"
     yield "\n## What the demo finds\n"
-    yield "Both stages guided by 8 pairs of courtyard, bad-3.0 in percent. Before, they had 8 generations and 100"
-    yield "evaluations and were tested on 40 pairs of each other world, now 6 and 80 and the first 20 pairs.\n"
+    yield "Both stages guided by 8 pairs of courtyard, bad-3.0 in percent. Before, they had 8 generations and"
+    yield "100 evaluations and were tested on 40 pairs of each other world, now 6 and 80 and the first 20.\n"
     results = (Path(__file__).parent / "results.md").read_text(encoding="utf-8")
     yield markdown(demo_before_and_after(results), digits=2)
     yield from benchmark_section(scores)

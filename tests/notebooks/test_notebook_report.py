@@ -122,7 +122,8 @@ def test_every_figure_was_drawn_and_nothing_complained(executed: NotebookNode) -
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
     assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 19
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
-    assert "sfkit report report -p pool bank -p benchmark_pairs 2" in "".join(o.get("text", "") for o in outputs)
+    printed = "".join(output.get("text", "") for output in outputs)
+    assert "sfkit report report -p pool bank -p benchmark_pairs 2" in printed
 
 
 @pytest.mark.browser
