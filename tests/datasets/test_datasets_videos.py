@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -136,11 +137,24 @@ def test_a_video_that_did_not_come_to_the_disk_is_said_and_leaves_nothing(
             for level in (40, 80, 120):
                 append(grey(level))
 
-    class Full(cv2.VideoWriter):
+    class Full:
+        """Holds OpenCV's writer: to inherit from it corrupts memory, and the process dies later."""
+
+        fourcc, make = cv2.VideoWriter.fourcc, cv2.VideoWriter
+
+        def __init__(self, *arguments: Any) -> None:
+            self.writer = self.make(*arguments)
+
+        def isOpened(self) -> bool:  # noqa: N802 (OpenCV's)
+            return self.writer.isOpened()
+
         def write(self, image: object) -> None:
             """Nothing."""
 
-    class Unknown(cv2.VideoWriter):
+        def release(self) -> None:
+            self.writer.release()
+
+    class Unknown(Full):
         def isOpened(self) -> bool:  # noqa: N802 (OpenCV's)
             return False
 
