@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import pandas as pd
 import teaser
 
@@ -36,8 +34,7 @@ thread: the whole joint training, or the longest fine-tuning and the search's ev
 
 def _table(name: str, frame: pd.DataFrame) -> str:
     rows = [[row[0], *(f"{value:.2f}" for value in row[1:])] for row in frame.itertuples(index=False)]
-    record = json.loads((bank.pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
-    spent = {network: float(entry["cpu_seconds"]) for network, entry in record.items()}
+    spent = {network: float(entry["cpu_seconds"]) for network, entry in bank.trainings(name).items()}
     table = f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}"
     if JOINT not in spent:  # a joint network of one's own, whose seconds were given
         return table

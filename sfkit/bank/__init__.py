@@ -44,6 +44,16 @@ def joint_path(name: str) -> Path:
     return path
 
 
+def trainings(name: str = BANK.name) -> dict[str, dict[str, Any]]:
+    """Network -> how its training went, as recorded: plan, wall and CPU seconds, errors.
+
+    Raises:
+        InputError: no bank of that name.
+    """
+    record = pool_path(name).with_name("trainings.json").read_text(encoding="utf-8")
+    return dict(json.loads(record))
+
+
 def training_seconds(name: str = BANK.name) -> dict[str, float]:
     """Source -> wall seconds of the one thread that fine-tuned it, as recorded when the bank was built.
 
@@ -54,8 +64,8 @@ def training_seconds(name: str = BANK.name) -> dict[str, float]:
     Raises:
         InputError: no bank of that name.
     """
-    records = json.loads((pool_path(name).parent / "trainings.json").read_text(encoding="utf-8"))
-    return {source: float(r["seconds"]) for source, r in records.items() if source not in (BASE.name, JOINT)}
+    records = trainings(name).items()
+    return {source: float(r["seconds"]) for source, r in records if source not in (BASE.name, JOINT)}
 
 
 def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, None]:
@@ -66,9 +76,7 @@ def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, No
     Raises:
         InputError: no bank of that name.
     """
-    folder = pool_path(name).parent
-    record = json.loads((folder / "trainings.json").read_text(encoding="utf-8")).get(JOINT)
-    path = folder / f"{JOINT}.safetensors"
+    record, path = trainings(name).get(JOINT), pool_path(name).with_name(f"{JOINT}.safetensors")
     return (path, float(record["seconds"])) if record and path.exists() else (None, None)
 
 

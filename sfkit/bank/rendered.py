@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from sfkit.bank import sharp
+from sfkit.bank.kept import keep, recall
 from sfkit.bank.plan import BANK, bank_plan
 from sfkit.datasets import Benchmark, Sample
 from sfkit.datasets.synthetic import domains, synthetic_pair, worlds
@@ -17,7 +18,6 @@ from sfkit.datasets.synthetic.domains import HEIGHT, QUICK_PAIRS, VALIDATION, WI
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError, unknown_name
-from sfkit.files import writing
 from sfkit.merging.cache import default_folder
 
 METRIC = "bad-3.0"
@@ -86,11 +86,7 @@ def held_out(name: str, pairs: int, *, of: str = BANK.name) -> Benchmark:
     Raises:
         InputError: an unknown domain.
     """
-    plan = bank_plan(of)
-    names = [world.name for world in plan.worlds]
-    if name not in names:
-        raise unknown_name("domain of the bank", name, names)
-    if plan.worlds[0] == sharp.BASE:
+    if _is_sharp(name, of):
         return sharp.held_out(name, _folder(), pairs)
     return _benchmark(name, pairs, "held-out", pairs)
 
@@ -101,16 +97,21 @@ def training_set(name: str, pairs: int, *, of: str = BANK.name) -> TrainingSet:
     Raises:
         InputError: an unknown domain, or fewer pairs than that.
     """
-    names = [world.name for world in bank_plan(of).worlds]
-    if name not in names:
-        raise unknown_name("domain of the bank", name, names)
-    if bank_plan(of).worlds[0] != sharp.BASE:
+    if not _is_sharp(name, of):
         drawn = tuple(RenderedPair(name, index, "train") for index in range(pairs))
         return TrainingSet(f"{of}:{name}", drawn, licence=sharp.LICENCE)
     whole = sharp.training_set(name, _folder())
     if pairs > len(whole.pairs):
         raise InputError(f"{of}:{name}: found pairs = {pairs}, expected at most {len(whole.pairs)}")
     return TrainingSet(f"{of}:{name}", whole.pairs[:pairs], licence=whole.licence)
+
+
+def _is_sharp(name: str, of: str) -> bool:
+    """Whether the bank ``of`` draws its domains as the sharp one does; refuses a domain that it has not."""
+    names = [world.name for world in bank_plan(of).worlds]
+    if name not in names:
+        raise unknown_name("domain of the bank", name, names)
+    return bank_plan(of).worlds[0] == sharp.BASE
 
 
 def _benchmark(name: str, pairs: int, split: str, expected: int) -> Benchmark:
@@ -132,28 +133,14 @@ def _render(world: str, index: int, split: str) -> Sample:
     """One pair, from memory, from the cache on disk, or rendered and kept there (0.8 MB)."""
     pair = RenderedPair(world, index, split)
     path = _folder() / f"{pair.fingerprint()}.npz"
-    sample = _recall(pair.id, path)
+    names = ("left", "right", "disparity", "nonoccluded")
+    sample = recall(path, lambda held: Sample(pair.id, *(held[name] for name in names)))
     if sample is None:
         drawn = synthetic_pair({**domains(), **worlds()}[world], index, split=split)
         sample = Sample(pair.id, drawn.left, drawn.right, drawn.disparity, drawn.nonoccluded)
-        _keep(sample, path)
+        keep(path, {name: np.asarray(getattr(sample, name)) for name in names})
     return sample
 
 
 def _folder() -> Path:
     return default_folder() / "rendered"
-
-
-def _recall(name: str, path: Path) -> Sample | None:
-    """A pair kept on disk; one that is missing or torn is rendered anew."""
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as held:
-            return Sample(name, held["left"], held["right"], held["disparity"], held["nonoccluded"])
-    except Exception:  # absent, or torn: numpy raises what the bytes come to
-        return None
-
-
-def _keep(sample: Sample, path: Path) -> None:
-    seen = np.asarray(sample.nonoccluded)
-    with writing(path, durable=False) as fresh, fresh.open("wb") as stream:
-        np.savez(stream, left=sample.left, right=sample.right, disparity=sample.disparity, nonoccluded=seen)

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from sfkit.bank.kept import keep, recall
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.pairs import Sample
 from sfkit.datasets.synthetic import synthetic_pair
@@ -21,7 +20,6 @@ from sfkit.datasets.synthetic.domains import SOURCES as FORMER_SOURCES
 from sfkit.datasets.synthetic.domains import Domain
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.datasets.training_set import TrainingSet
-from sfkit.files import writing
 from sfkit.training.settings import MAX_STEPS, Augmentation, TrainingSettings
 
 JOINT = "joint"
@@ -97,14 +95,13 @@ class DrawnPair:
     def load(self) -> Sample:
         """Read the pair, or render it."""
         path = self.folder / f"{self.fingerprint()}.npz"
-        try:
-            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as held:
-                return Sample(self.id, held["left"], held["right"], held["disparity"])
-        except Exception:  # absent, or torn: numpy raises what the bytes come to
+        names = ("left", "right", "disparity")
+        sample = recall(path, lambda held: Sample(self.id, *(held[name] for name in names)))
+        if sample is None:
             drawn = synthetic_pair(self.world, self.index, split=self.split)
-        with writing(path, durable=False) as fresh, fresh.open("wb") as into:
-            np.savez(into, left=drawn.left, right=drawn.right, disparity=drawn.disparity)
-        return Sample(self.id, drawn.left, drawn.right, drawn.disparity)
+            sample = Sample(self.id, drawn.left, drawn.right, drawn.disparity)
+            keep(path, {name: getattr(drawn, name) for name in names})
+        return sample
 
     def fingerprint(self) -> str:
         """SHA-256 (hex) of everything the pair is made from."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from sfkit.architectures import InputConvention, architecture
+from sfkit.bank.kept import keep, recall
 from sfkit.bank.plan import BANK, STAGE_WEIGHTS, BankPlan, TrainingPlan
 from sfkit.datasets.synthetic import Domain, SyntheticPair, synthetic_pair
 from sfkit.datasets.synthetic.pairs import SEED
@@ -112,13 +113,10 @@ def _pair(domain: Domain, index: int, folder: Path) -> SyntheticPair:
     """One pair, as it was kept or rendered; one that is missing, torn or of another world is rendered."""
     made_from = hashlib.sha256(repr((SEED, index, domain)).encode()).hexdigest()[:16]
     path, names = folder / f"{index:04d}-{made_from}.npz", [field.name for field in fields(SyntheticPair)]
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as held:
-            return SyntheticPair(**{name: held[name] for name in names})
-    except Exception:  # absent, or torn: numpy raises what the bytes come to
+    pair = recall(path, lambda held: SyntheticPair(**{name: held[name] for name in names}))
+    if pair is None:
         pair = synthetic_pair(domain, index, split="train")
-    with writing(path, durable=False) as fresh, fresh.open("wb") as into:
-        np.savez(into, **{name: getattr(pair, name) for name in names})
+        keep(path, {name: getattr(pair, name) for name in names})
     return pair
 
 
