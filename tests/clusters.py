@@ -26,7 +26,7 @@ LEAVES_TO_THE_COLLECTOR = (
 """Marks of tests with a cluster: Ray leaves files and subprocesses to the garbage collector, and announces
 coming changes."""
 
-PATIENCE = 60  # seconds
+PATIENCE = 300  # seconds
 
 Process = tuple[int, str]
 """A process's number, and when it started: numbers come back."""

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 HERE = Path(__file__).parent
-PATIENCE = 120.0  # s; the machine may be busy with other things, and nothing here measures time
+PATIENCE = 240.0  # s; the machine may be busy with other things, and nothing here measures time
 FLAGS = (
     "--no-browser",
     "--allow-root",
@@ -75,7 +75,7 @@ class Server:
         request = urllib.request.Request(
             f"{self.url}{path}", headers={"Authorization": f"token {self.token}"}, method=method
         )
-        with urllib.request.urlopen(request, timeout=60) as answer:
+        with urllib.request.urlopen(request, timeout=300) as answer:
             text = answer.read()
         return json.loads(text) if text else None
 
@@ -126,7 +126,7 @@ def serving(folder: Path, app: str) -> Iterator[Server]:
             yield Server(_address(home / "runtime", process, folder / "server.log"), token, root)
         finally:
             process.terminate()
-            process.wait(timeout=60)
+            process.wait(timeout=300)
 
 
 def _address(runtime: Path, process: subprocess.Popen[bytes], log: Path) -> str:
@@ -235,9 +235,22 @@ class Notebook:
         )
 
     def reload(self) -> None:
-        """Load the page again, as a reader would; the kernel lives on."""
-        self.page.reload()
-        self.ready()
+        """Load the page again, as a reader would, until the widget is back; the kernel lives on.
+
+        JupyterLab's manager of widgets asks the kernel for them after a load, twice at once, and gives it
+        four seconds, and says nothing where that fails: nothing comes then, however long one waits.
+        """
+        from playwright.sync_api import TimeoutError as NotShown
+
+        for patience in (PATIENCE / 2, PATIENCE / 2, PATIENCE):
+            self.page.reload()
+            self.ready()
+            try:
+                self.page.wait_for_selector(".sfkit", timeout=patience * 1000)
+                return
+            except NotShown as error:
+                failure = error
+        raise failure
 
     def evaluate(self, expression: str) -> Any:
         """The value of a Python expression in the notebook's kernel, through JSON; cells stay as they are."""

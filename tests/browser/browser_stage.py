@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 MODEL = (Path(__file__).parent / "browser_model.js").read_text(encoding="utf-8")
 PAGE = "<!doctype html><html lang='en'><meta charset='utf-8'><title>widget</title><body></body></html>"
-PATIENCE = 60.0  # s; the machine may be busy with other things, and nothing here measures time
+PATIENCE = 240.0  # s; the machine may be busy with other things, and nothing here measures time
 PULSE = 15  # ms between two looks at what the Python side has changed, as a kernel's messages would come
 
 

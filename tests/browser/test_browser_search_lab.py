@@ -64,7 +64,7 @@ def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -
     wait_for_phase(notebook, "running")
     wait_for_generation(notebook, 2)
 
-    assert notebook.evaluate("scorer.inside.wait(60)")
+    assert notebook.evaluate("scorer.inside.wait(300)")
     press(notebook, "Pause")
     wait_for_phase(notebook, "pausing")
     pass_gate(notebook)

@@ -167,7 +167,7 @@ def test_a_live_session_and_the_journal_tell_of_the_held_out_score(pool: Pool, t
     search = RoutingSearch(("low", "high"), pool.blocks, scorer, settings, journal=Journal(journal))
     live = LiveSearch(search)
     live.run()
-    live.wait(timeout=60)
+    live.wait(timeout=300)
     start, *rest = read_journal(journal)
     assert (start["settings"]["holdout"], start["folds"]) == (0.5, 1)
     told = [entry for record in rest if record["event"] == "generation" for entry in record["candidates"]]

@@ -90,7 +90,7 @@ def test_threads_and_processes_share_one_file(tmp_path: Path) -> None:
             thread.start()
         for thread in threads:
             thread.join()
-        assert [other.wait(60) for other in others] == [0, 0]
+        assert [other.wait(300) for other in others] == [0, 0]
         assert {e.key: e.seconds for e in store} == {f"k{i}": float(i) for i in range(40)}
 
 

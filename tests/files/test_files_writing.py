@@ -53,7 +53,7 @@ def test_threads_that_write_one_file_do_not_meet(tmp_path: Path) -> None:
 
     def write(content: bytes) -> None:
         with files.writing(target, durable=False) as fresh:
-            both.wait(timeout=30)
+            both.wait(timeout=300)
             fresh.write_bytes(content)
 
     threads = [threading.Thread(target=write, args=(letter * 1000,)) for letter in (b"a", b"b")]

@@ -74,19 +74,19 @@ def test_a_stop_from_another_thread_ends_between_generations(build) -> None:
     class Waiting(Scorer):
         def __call__(self, recipes):
             holding.set()
-            assert asked.wait(20)
+            assert asked.wait(300)
             return super().__call__(recipes)
 
     search = build(Waiting(score))
     thread = threading.Thread(target=search.run)
     thread.start()
-    assert holding.wait(20)
+    assert holding.wait(300)
     with pytest.raises(SfkitError, match="another thread is stepping it"):
         search.step()
     assert search.generation == -1
     search.request_stop()
     asked.set()
-    thread.join(20)
+    thread.join(300)
     assert not thread.is_alive()
     assert (search.generation, search.done) == (0, False)
     other = build(Scorer(score))

@@ -34,7 +34,7 @@ from sfkit.search.journal import read_journal
 from sfkit.search.live import LiveSearch
 from sfkit.search.progress import Phase
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 SMALL = Settings(population=6, generations=3, seed=1)
 
 

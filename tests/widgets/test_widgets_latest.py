@@ -22,8 +22,8 @@ waiting.submit(lambda: print("never", flush=True))
 def test_of_jobs_in_a_row_the_running_and_the_latest_are_done() -> None:
     latest, gate, done = Latest(), threading.Event(), list[int]()
     begun = threading.Event()
-    latest.submit(lambda: (begun.set(), gate.wait(60), done.append(0))[0])
-    assert begun.wait(60)
+    latest.submit(lambda: (begun.set(), gate.wait(300), done.append(0))[0])
+    assert begun.wait(300)
     for number in (1, 2, 3):
         latest.submit(lambda number=number: done.append(number))
     gate.set()

@@ -27,7 +27,7 @@ from sfkit.search.following import FollowedJournal
 from sfkit.search.live import LiveSearch
 from sfkit.search.progress import Phase
 
-PATIENCE = 60.0
+PATIENCE = 300.0
 
 
 @pytest.fixture
