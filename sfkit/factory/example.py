@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit import bank
+from sfkit.bank.plan import BANK
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.files import write_text
 from sfkit.outside import toml_value
@@ -23,8 +24,9 @@ def write_example(
     validation_pairs: int = 8,
     search: Mapping[str, Any] | None = None,
     joint: bool = False,
+    of: str = BANK.name,
 ) -> Path:
-    """Write a ``factory.toml`` that fine-tunes the embedded bank's base on some of its domains.
+    """Write a ``factory.toml`` that fine-tunes an embedded bank's base on some of its domains.
 
     Args:
         file: what to write; a file that is there is replaced.
@@ -34,15 +36,16 @@ def write_example(
         validation_pairs: of the bank's validation world, and of each world to test on.
         search: entries of its ``[search]``.
         joint: whether one network on all domains together is made too.
+        of: the bank's name.
     """
-    spec = read_pool_spec(bank.pool_path())
-    worlds = [f'name = "bank:{name}"\npairs = {validation_pairs}' for name in (bank.VALIDATION, *TESTS)]
+    spec = read_pool_spec(bank.pool_path(of))
+    worlds = [f'name = "{of}:{name}"\npairs = {validation_pairs}' for name in (bank.VALIDATION, *TESTS)]
     sections = [
         f"name = {toml_value('factory')}\narchitecture = {toml_value(spec.architecture)}\n"
         f"base = {toml_value(str(spec.base.path))}\njoint = {toml_value(joint)}",
         _section("options", spec.options),
         _section("training", training or {}),
-        *(_section(f"sources.{name}", {"data": f"bank:{name}", "pairs": pairs}) for name in domains),
+        *(_section(f"sources.{name}", {"data": f"{of}:{name}", "pairs": pairs}) for name in domains),
         f"[validation]\n{worlds[0]}",
         *(f"[[tests]]\n{world}" for world in worlds[1:]),
         _section("search", search or {}),

@@ -13,12 +13,22 @@ from safetensors.torch import load_file
 from typer.testing import CliRunner
 
 import sfkit
+from sfkit import bank
 from sfkit.bank import sharp
 from sfkit.bank.rendered import RenderedPair
 from sfkit.cli.app import app
+from sfkit.datasets.synthetic.domains import Domain
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import SfkitWarning
-from sfkit.factory import most_evaluations, read_factory, report_values, run, status, train_missing
+from sfkit.factory import (
+    most_evaluations,
+    read_factory,
+    report_values,
+    run,
+    status,
+    train_missing,
+    write_example,
+)
 from sfkit.factory.run import warn_of_seen_pairs
 from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
 from sfkit.merging.cache import default_folder
@@ -166,6 +176,19 @@ def test_pairs_of_the_bank_are_training_pairs(tmp_path: Path) -> None:
     whole = sharp.training_set("haze", default_folder() / "rendered")
     assert order.data.name == "bank-sharp:haze"
     assert order.data.pairs == whole.pairs[:2]
+
+
+def test_an_example_trains_the_base_of_the_bank_it_names(tmp_path: Path) -> None:
+    file = write_example(tmp_path / "factory.toml", ["haze"], pairs=3, joint=True, of="bank-sharp")
+    factory = read_factory(file)
+    assert factory.base == bank.pool_path("bank-sharp").parent / "base.safetensors"
+    assert factory.architecture == "anynet-wide"
+    assert [pair.world for pair in factory.orders[0].data.pairs] == 3 * [_world("haze")]
+    assert [each.name for each in factory.tests] == ["grey-workshop", "hazy-road"]
+
+
+def _world(name: str) -> Domain:
+    return next(each for each in sharp.SOURCES if each.name == name)
 
 
 def test_two_devices_train_what_one_trains_and_one_failure_keeps_the_others(
