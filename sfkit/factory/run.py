@@ -180,7 +180,7 @@ def warn_of_seen_pairs(factory: Factory) -> None:
 
 
 def _identity(pair: Pair) -> object:
-    return pair.left.resolve() if isinstance(pair, StereoPair) else pair
+    return pair.left.resolve() if isinstance(pair, StereoPair) else pair.fingerprint()
 
 
 def _scores(

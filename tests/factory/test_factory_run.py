@@ -185,6 +185,7 @@ def test_an_example_trains_the_base_of_the_bank_it_names(tmp_path: Path) -> None
     assert factory.architecture == "anynet-wide"
     assert [pair.world for pair in factory.orders[0].data.pairs] == 3 * [_world("haze")]
     assert [each.name for each in factory.tests] == ["grey-workshop", "hazy-road"]
+    warn_of_seen_pairs(factory)
 
 
 def _world(name: str) -> Domain:
