@@ -22,7 +22,7 @@ from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.acquisition import equal_weights, listed, smallest_bound
 from sfkit.search.breeding import Draft, SubsetSettings
-from sfkit.search.checks import between, require_known, whole
+from sfkit.search.checks import LARGEST_POPULATION, between, require_known, whole
 from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
@@ -64,7 +64,9 @@ class BayesianSubsetSettings(SubsetSettings):
         InputError: a value out of its range.
     """
 
-    population: int = setting(8, help="Subsets scored before there is a model.", check=whole(2))
+    population: int = setting(
+        8, help="Subsets scored before there is a model.", check=whole(2, LARGEST_POPULATION)
+    )
     generations: int = setting(41, help="How many times the model proposes.", check=whole(0))
     singles: bool = setting(default=True, help="Whether sources are scored alone as well.")
     batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sfkit.search.checks import between, one_of, whole
+from sfkit.search.checks import LARGEST_POPULATION, between, one_of, whole
 from sfkit.search.operators import Chromosome, SubsetSpace, crossover, mutate, random_chromosome, tournament
 from sfkit.settings import setting, settle
 
@@ -47,7 +47,7 @@ class SubsetSettings:
         InputError: a value out of its range.
     """
 
-    population: int = setting(50, help="Subsets in a population (M).", check=whole(2))
+    population: int = setting(50, help="Subsets in a population (M).", check=whole(2, LARGEST_POPULATION))
     generations: int = setting(15, help="Generations after the first population (T_1).", check=whole(0))
     crossover: float = setting(
         0.8, help="Probability that two parents cross over (p_c).", check=between(0.0, 1.0)

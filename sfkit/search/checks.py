@@ -10,6 +10,9 @@ from typing import Any
 from sfkit.errors import InputError, nearest, unknown_name
 from sfkit.settings import Check
 
+LARGEST_POPULATION = 100_000
+"""Candidates that are held at the same time; what is far above is a slip, and would fill the memory."""
+
 
 def require_whole(argument: str, value: object, least: int) -> int:
     """The value as an ``int``; refuses anything but a whole number of at least ``least``.
@@ -23,9 +26,16 @@ def require_whole(argument: str, value: object, least: int) -> int:
     return int(value)
 
 
-def whole(least: int) -> Check:
-    """The check of a setting that is a whole number of at least ``least``."""
-    return lambda argument, value: require_whole(argument, value, least)
+def whole(least: int, most: int | None = None) -> Check:
+    """The check of a setting that is a whole number of at least ``least``, and of at most ``most``."""
+
+    def check(argument: str, value: Any) -> Any:
+        number = require_whole(argument, value, least)
+        if most is not None and number > most:
+            raise InputError(f"{argument}: found {number}, expected a whole number of at most {most}")
+        return number
+
+    return check
 
 
 def between(low: float, high: float = math.inf) -> Check:

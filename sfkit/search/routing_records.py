@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.base import SearchState
-from sfkit.search.checks import between, check_gamma, check_rank, positive, whole
+from sfkit.search.checks import LARGEST_POPULATION, between, check_gamma, check_rank, positive, whole
 from sfkit.search.records import COMMON, ORIGIN, Candidate
 from sfkit.settings import setting, settle
 
@@ -64,7 +64,7 @@ class RoutingSettings:
         None,
         "--stage2-population",
         help="Candidates in a generation (N_pop); 4 + 3 ln n for n dimensions unless given.",
-        check=whole(SMALLEST_POPULATION),
+        check=whole(SMALLEST_POPULATION, LARGEST_POPULATION),
     )
     sigma: float = setting(0.5, help="Initial step size (sigma).", check=positive)
     gamma: tuple[float, float] = setting(

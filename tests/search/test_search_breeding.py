@@ -104,6 +104,7 @@ def test_starts_come_first_and_the_rest_is_random() -> None:
     ("field", "value", "expected"),
     [
         ("population", 1, "population: found 1, expected a whole number of at least 2"),
+        ("population", 10**9, "population: found 1000000000, expected a whole number of at most 100000"),
         ("population", 2.5, "population: found 2.5"),
         ("population", True, "population: found True"),
         ("generations", -1, "generations: found -1, expected a whole number of at least 0"),
