@@ -12,7 +12,7 @@ from kept import RUNS
 from sfkit import bank
 from sfkit.bank.sharp import JOINT, SOURCE_SETTINGS
 from sfkit.datasets.synthetic.domains import BASE
-from sfkit.factory import read_factory, write_example
+from sfkit.factory import read_factory, status, write_example
 from sfkit.training.finetune import training_folder
 
 FOLDER = RUNS / "factory"
@@ -63,13 +63,11 @@ bad-3.0 in percent, lower is better; the first column guided the search:
 
 def cpu_seconds() -> pd.Series:
     """Of every training, from its record; the search has none."""
-    factory = read_factory(FOLDER / "factory.toml")
-    records = {
-        order.name: training_folder(factory.out / "sources" / f"{order.name}.safetensors") / "training.json"
-        for order in factory.networks
-    }
-    spent = {name: json.loads(path.read_text(encoding="utf-8")) for name, path in records.items()}
-    return pd.Series({name: record["cpu_seconds"] for name, record in spent.items()})
+    spent = {}
+    for item in status(read_factory(FOLDER / "factory.toml")):
+        record = training_folder(item.file) / "training.json"
+        spent[item.name] = json.loads(record.read_text(encoding="utf-8"))["cpu_seconds"]
+    return pd.Series(spent)
 
 
 def read_overhead(costs: pd.DataFrame) -> str:
