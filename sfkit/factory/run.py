@@ -21,7 +21,7 @@ from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.outcome import Scorer
 from sfkit.factory.file import JOINT, MERGED, SEARCHED, Factory
 from sfkit.factory.places import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
-from sfkit.factory.status import Item, file_of, status
+from sfkit.factory.status import Item, files_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
@@ -154,8 +154,9 @@ def pool_toml(factory: Factory) -> str:
         f"\n[options]\n{options}" if options else "",
         f"[base]\nfile = {toml_value(str(factory.base.resolve()))}",
     ]
+    files = files_of(factory)
     for order in factory.orders:
-        file, made = file_of(factory, order)
+        file, made = files[order.name]
         lines.append(
             f"\n[sources.{toml_value(order.name)}]\nfile = {toml_value(str(root / file.resolve()))}\n"
             + (f"licence = {toml_value(made['licence'])}" if made["licence"] else "")
@@ -194,22 +195,22 @@ def _scores(
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), MERGED: found.recipe}
     recipes |= {name: pool.equal(name) for name in pool.names}
     scores: dict[str, dict[str, float]] = {name: {} for name in recipes}
+    joint = None if factory.joint is None else files_of(factory)[JOINT][0]
     for evaluator in (*guides, *tests):
         benchmark = evaluator.benchmark
         for name, outcome in zip(recipes, evaluator(list(recipes.values())), strict=True):
             scores[name][benchmark.name] = outcome.score
         evaluator.release()  # one network in memory at a time
-        if factory.joint is not None:
-            scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(factory, benchmark, compute.device)
+        if joint is not None:
+            scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(
+                factory, joint, benchmark, compute.device
+            )
     return scores
 
 
-def _joint_score(factory: Factory, benchmark: Benchmark, device: str) -> float:
+def _joint_score(factory: Factory, file: Path, benchmark: Benchmark, device: str) -> float:
     """The joint network is no member of the pool: merging knows nothing of it."""
-    assert factory.joint is not None
-    loaded = load_network(
-        file_of(factory, factory.joint)[0], name=factory.architecture, options=factory.options
-    )
+    loaded = load_network(file, name=factory.architecture, options=factory.options)
     place = torch.device(device)
     return scorer_of(benchmark, loaded.inputs, place)(loaded.network.to(place))[0]
 

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sfkit.factory.file import Factory, Order
-from sfkit.training.finetune import intended, training_folder
+from sfkit.factory.file import Factory
+from sfkit.training.finetune import intended, starting_point, training_folder
 
 DONE, RUNNING, STALE, MISSING = "done", "begun", "stale", "missing"
 IGNORED = ("versions",)  # a newer sfkit or torch makes no source stale
@@ -37,7 +37,7 @@ class Item:
 
 def status(factory: Factory) -> tuple[Item, ...]:
     """All networks of a factory, sources first; nothing is trained."""
-    items = [_item(factory, order) for order in factory.networks]
+    items = [_item(name, *place) for name, place in files_of(factory).items()]
     paces = [item.seconds / item.steps for item in items if item.seconds is not None]
     pace = sum(paces) / len(paces) if paces else None
     return tuple(
@@ -53,28 +53,24 @@ def most_evaluations(factory: Factory) -> int:
     return factory.plan.evaluations([order.name for order in factory.orders], ("all",))
 
 
-def file_of(factory: Factory, order: Order) -> tuple[Path, Mapping[str, Any]]:
-    """Where a network lies, and what it says about itself."""
-    made = intended(
-        factory.base,
-        order.data,
-        name=factory.architecture,
-        options=factory.options,
-        settings=order.settings,
-        licence=order.licence,
-    )
-    told = {key: value for key, value in made.items() if key not in IGNORED}
-    digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:10]
-    return factory.out / "sources" / f"{order.name}-{digest}.safetensors", made
+def files_of(factory: Factory) -> dict[str, tuple[Path, Mapping[str, Any]]]:
+    """Where each network lies, and what it says about itself, by name; the base is read once for all."""
+    start = starting_point(factory.base, name=factory.architecture, options=factory.options)
+    found: dict[str, tuple[Path, Mapping[str, Any]]] = {}
+    for order in factory.networks:
+        made = intended(start, order.data, settings=order.settings, licence=order.licence)
+        told = {key: value for key, value in made.items() if key not in IGNORED}
+        digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:10]
+        found[order.name] = (factory.out / "sources" / f"{order.name}-{digest}.safetensors", made)
+    return found
 
 
-def _item(factory: Factory, order: Order) -> Item:
-    file, made = file_of(factory, order)
+def _item(name: str, file: Path, made: Mapping[str, Any]) -> Item:
     record = training_folder(file) / "training.json"
     if file.exists():
         seconds = float(json.loads(record.read_text())["seconds"]) if record.exists() else None
-        return Item(order.name, DONE, file, made["steps"], seconds)
+        return Item(name, DONE, file, made["steps"], seconds)
     if any(training_folder(file).glob("state-*.pt")):
-        return Item(order.name, RUNNING, file, made["steps"], None)
-    others = [p for p in file.parent.glob(f"{order.name}-*.safetensors") if p.stem[:-11] == order.name]
-    return Item(order.name, STALE if others else MISSING, file, made["steps"], None)
+        return Item(name, RUNNING, file, made["steps"], None)
+    others = [p for p in file.parent.glob(f"{name}-*.safetensors") if p.stem[:-11] == name]
+    return Item(name, STALE if others else MISSING, file, made["steps"], None)

@@ -15,7 +15,7 @@ from sfkit.evaluation.compute import ensure_ray
 from sfkit.evaluation.engines.ray_actors import connect
 from sfkit.evaluation.engines.spawned import ISOLATED
 from sfkit.factory.file import Factory, Order, read_factory
-from sfkit.factory.status import DONE, file_of, status
+from sfkit.factory.status import DONE, files_of, status
 from sfkit.training.finetune import finetune
 from sfkit.training.loop import Course
 
@@ -66,7 +66,7 @@ def train_one(factory: Factory, name: str, device: str = "cpu", say: Say = lambd
             refuses.
     """
     order = _order(factory, name)
-    file = file_of(factory, order)[0]
+    file, _ = files_of(factory)[name]
     finetune(
         factory.base,
         order.data,

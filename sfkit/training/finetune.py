@@ -44,6 +44,25 @@ COLUMNS = ("step", "loss", "gradient_norm", "rate")
 
 
 @dataclass(frozen=True)
+class StartingPoint:
+    """What trainings begin with; reading a large base takes seconds, and sources share theirs.
+
+    Attributes:
+        entry: the architecture's.
+        options: all of the architecture's options.
+        network: with the base's weights.
+        layout: of the base's file, and of what is written.
+        origin: the base's file, fingerprint and licence; empty where there is none.
+    """
+
+    entry: Architecture
+    options: Mapping[str, Any]
+    network: nn.Module
+    layout: Layout
+    origin: Mapping[str, str]
+
+
+@dataclass(frozen=True)
 class TrainedSource:
     """A source that was trained: its file, and what it cost.
 
@@ -109,17 +128,18 @@ def finetune(
     """
     settings = settings or TrainingSettings()
     out = check_target(out, form, overwrite=overwrite)
-    entry, chosen, network, layout, origin = _start(base, name, options or {}, settings)
+    start = starting_point(base, name=name, options=options, seed=settings.seed)
+    entry, network = start.entry, start.network
     recipe = recipe_of(network, settings.limit)
     for key, parameter in network.named_parameters():
         parameter.requires_grad_(
             not (entry.is_frozen(key) or any(fnmatchcase(key, dead) for dead in entry.dead))
         )
-    made = _made(entry, chosen, origin, data, settings, recipe, licence)
+    made = _made(start, data, settings, recipe, licence)
     folder = training_folder(out)
     task = TrainingTask(
         network=network,
-        inputs=entry.inputs(chosen),
+        inputs=entry.inputs(start.options),
         objective=recipe.objective,
         groups=recipe.groups(network, settings.rate or recipe.rate, settings.weight_decay),
         limit=recipe.limit,
@@ -136,39 +156,30 @@ def finetune(
         _finish(folder, course, made, result)
         metadata = {KEY: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True)}
         write_checkpoint(
-            out, network.state_dict(), layout=layout, metadata=metadata, form=form, overwrite=overwrite
+            out, network.state_dict(), layout=start.layout, metadata=metadata, form=form, overwrite=overwrite
         )
         _drop_states(folder)
     return result
 
 
 def intended(
-    base: str | Path,
-    data: TrainingSet,
-    *,
-    name: str | None = None,
-    options: Mapping[str, Any] | None = None,
-    settings: TrainingSettings | None = None,
-    licence: str = "",
+    start: StartingPoint, data: TrainingSet, *, settings: TrainingSettings, licence: str = ""
 ) -> dict[str, Any]:
-    """What a source of :func:`finetune` with these arguments will say about itself; nothing is trained."""
-    settings = settings or TrainingSettings()
-    entry, chosen, network, _, origin = _start(base, name, options or {}, settings)
-    return _made(entry, chosen, origin, data, settings, recipe_of(network, settings.limit), licence)
+    """What a source of :func:`finetune` from there will say about itself; nothing is trained."""
+    return _made(start, data, settings, recipe_of(start.network, settings.limit), licence)
 
 
 def _made(
-    entry: Architecture,
-    options: Mapping[str, Any],
-    origin: Mapping[str, str],
+    start: StartingPoint,
     data: TrainingSet,
     settings: TrainingSettings,
     recipe: TrainingRecipe,
     licence: str,
 ) -> dict[str, Any]:
+    entry = start.entry
     return {
-        "architecture": {"name": entry.name, "version": entry.version, "options": dict(options)},
-        "base": dict(origin),
+        "architecture": {"name": entry.name, "version": entry.version, "options": dict(start.options)},
+        "base": dict(start.origin),
         "data": data.describe(),
         "settings": settings.describe(),
         "rate": settings.rate or recipe.rate,
@@ -200,10 +211,19 @@ def read_training(path: str | Path) -> dict[str, Any] | None:
     return values
 
 
-def _start(
-    base: str | Path | None, name: str | None, options: Mapping[str, Any], settings: TrainingSettings
-) -> tuple[Architecture, Mapping[str, Any], nn.Module, Layout, dict[str, str]]:
-    """Registry entry, options, network, layout of the file to write, and what the base was."""
+def starting_point(
+    base: str | Path | None,
+    *,
+    name: str | None = None,
+    options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+) -> StartingPoint:
+    """Read a base, or draw new weights from the seed where there is none; arguments as :func:`finetune`'s.
+
+    Raises:
+        InputError: the base cannot be used, or there is neither base nor name.
+    """
+    options = options or {}
     if base is None:
         if name is None:
             raise InputError(
@@ -213,9 +233,9 @@ def _start(
         chosen = entry.resolve(options)
         # Weights are drawn from the seed, and the caller's own draws go on undisturbed.
         with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(settings.seed)
+            torch.manual_seed(seed)
             origin = dict.fromkeys(("file", "fingerprint", "licence"), "")
-            return entry, chosen, entry.build(**chosen), Layout(), origin
+            return StartingPoint(entry, chosen, entry.build(**chosen), Layout(), origin)
     path = Path(base)
     recorded = read_training(path)
     if name is None and recorded is not None:
@@ -226,7 +246,7 @@ def _start(
     file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
     identity = fingerprint({key: tensor_digest(tensor) for key, tensor in file.tensors.items()})
     origin = {"file": path.name, "fingerprint": identity, "licence": str((recorded or {}).get("licence", ""))}
-    return entry, chosen, loaded.network, file.layout, origin
+    return StartingPoint(entry, chosen, loaded.network, file.layout, origin)
 
 
 def _recording(folder: Path, listen: Listener | None) -> Listener:
