@@ -5,7 +5,8 @@
 
 Published weights of these networks are not at hand: the base is filled by the rules that the golden arrays
 were made with, and each source is the base with every value moved by 1 %. All layers take part. CPU seconds
-are those of this process, with one thread; measure one export a process, for its peak memory.
+are those of this process, with one thread; measure one export a process, for its peak memory. It is ended
+after 15 CPU minutes, and what asks for more than 18 GiB fails.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import resource
 import sys
 import tempfile
 import time
@@ -38,6 +40,8 @@ from sfkit.exporting.export import ENDINGS, Form
 
 REAL = "SFKIT_REAL_DATA"
 MOVED = 0.01  # of each value, by which a source differs from the base
+MOST_SECONDS = 900  # of CPU: what runs longer is ended by SIGXCPU
+MOST_MEMORY = 18 << 30  # bytes: what asks for more fails
 
 
 @dataclass(frozen=True)
@@ -158,6 +162,8 @@ def main() -> None:
     if not os.environ.get(REAL):
         raise SystemExit(f"{REAL}: not set, expected the folder's path")
     real = Path(os.environ[REAL]).expanduser()
+    resource.setrlimit(resource.RLIMIT_CPU, (MOST_SECONDS, MOST_SECONDS + 60))
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
     result = measure(options.name, Form(options.form), options.dynamic, real)
     lines = "\n".join(f"{key}: {value}" for key, value in result.items())
     print(json.dumps(result) if options.json else lines)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import importlib
 import json
+import signal
+import subprocess
 from typing import Any
 
 from processes import HERE, call, shown
@@ -39,8 +41,19 @@ def _kept(name: str, form: str, dynamic: bool) -> dict[str, Any]:
     path = KEPT / f"{'_'.join(words)}.json"
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_text(path, json.dumps(call("exports.py", *words, "--json")))
+        write_text(path, json.dumps(_called(words)))
     record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return record
+
+
+def _called(words: list[str]) -> dict[str, Any]:
+    """What the run printed, or that its time was over."""
+    try:
+        record: dict[str, Any] = call("exports.py", *words, "--json")
+    except subprocess.CalledProcessError as error:
+        if error.returncode != -signal.SIGXCPU:
+            raise
+        return {"name": words[0], "format": words[1], "dynamic": "--dynamic" in words, "stopped": True}
     return record
 
 

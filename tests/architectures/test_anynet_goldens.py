@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from anynet_fill import fill, filled_pair
+from golden_arrays import SHIPPED
 
 from sfkit.architectures import architecture
 from sfkit.architectures.anynet import AnyNet, Route, StageTrace
@@ -146,6 +148,28 @@ def test_without_propagation_the_output_is_stage_three(
     assert len(trace.disparities) == 3
     error = np.abs(trace.disparities[-1][0].numpy() - _decoded(arrays["pad.k12.ac1.disp3"]))
     assert error.max() <= TOLERANCES[torch.float64][0]
+
+
+@pytest.mark.parametrize("route", list(Route))
+@pytest.mark.parametrize("dtype", [torch.float64, torch.float32], ids=["float64", "float32"])
+@pytest.mark.parametrize("mode", MODES)
+def test_filled_weights_give_what_the_original_gives(mode: str, dtype: torch.dtype, route: Route) -> None:
+    """All four stages without any checkpoint; of the disparities every fourth row and column is kept."""
+    network = AnyNet(ranges=(4, 3, 3), align_corners=MODES[mode])
+    fill(network)
+    network.to(dtype).eval().use_route(route)
+    left, right = (torch.from_numpy(image).to(dtype) for image in filled_pair())
+    with torch.no_grad():
+        trace = network.trace(left, right)
+    found = {f"low{stage}": low[0] for stage, low in enumerate(trace.low, 1)}
+    found |= {f"disp{stage}": disp[0, ::4, ::4] for stage, disp in enumerate(trace.disparities, 1)}
+    with np.load(SHIPPED / "anynet" / "golden_anynet_filled.npz") as file:
+        known = {key.removeprefix(f"{mode}."): file[key] for key in file if key.startswith(mode)}
+    assert known.keys() == found.keys()
+    rounding = 2e-7 if dtype is torch.float64 else 1e-4  # the arrays are float32
+    for key, values in known.items():
+        error = np.abs(found[key].numpy() - values).max()
+        assert error <= rounding * np.abs(values).max(), key
 
 
 @pytest.mark.parametrize("spn", [True, False])
