@@ -54,7 +54,8 @@ def export(
     """
     ensure_checkpoint(file)
     from sfkit.datasets.images import read_image
-    from sfkit.exporting.export import ENDINGS, check_target, export_network, form_of
+    from sfkit.exporting.export import check_target, export_network, form_of
+    from sfkit.exporting.forms import ENDINGS
 
     kind = form_of(form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])

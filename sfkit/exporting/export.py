@@ -6,7 +6,6 @@ import json
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
-from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from sfkit.errors import InputError, SfkitWarning, unknown_name
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
+from sfkit.exporting.forms import ENDINGS, SEEN, Form, kind_of, untried
 from sfkit.files import unwritable, write_bytes
 from sfkit.merging.network import LoadedNetwork, load_network
 from sfkit.merging.origin import stated_metadata
@@ -35,28 +35,6 @@ TOLERANCE = 1e-3
 _MOST = 2**26  # pixels of an image: more than any camera of a pair has
 
 
-class Form(StrEnum):
-    """What an exported network becomes."""
-
-    ONNX = "onnx"
-    TORCH = "torch"  # torch.export
-    TORCHSCRIPT = "torchscript"
-    PTH = "pth"  # the layout of the base's checkpoint
-
-
-# Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
-# What stands here was run whole (docs/results.md).
-SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
-    "foundation-stereo": {(Form.ONNX, False): None, (Form.TORCH, False): None},
-    "nmrf-res": {(Form.ONNX, False): None},
-    "nmrf-swint": {(Form.ONNX, False): None},
-}
-ENDINGS = {
-    Form.ONNX: (".onnx",),
-    Form.TORCH: (".pt2",),
-    Form.TORCHSCRIPT: (".pt", ".ts"),
-    Form.PTH: (".pth", ".pt", ".ckpt", ".tar"),
-}
 MAKERS: dict[
     Form,
     Callable[[DeployedNetwork, Sizes, torch.Tensor, torch.Tensor, formats.Tell], formats.ExportedNetwork],
@@ -147,11 +125,12 @@ def export_network(
         height, width = pair[0].shape[:2]
         raise InputError(f"size: found {size[0]}x{size[1]} and a pair of {height}x{width}, expected the same")
     loaded = load_network(path, name=architecture, options=options)
-    if (reason := SEEN.get(loaded.name, {}).get((form, dynamic))) is not None:
-        raise InputError(f"{path}: {loaded.name} does not export so: {reason}")
-    if (what := untried(loaded.name, form, dynamic=dynamic)) is not None:
+    kind = kind_of(loaded)
+    if (reason := SEEN.get(kind, {}).get((form, dynamic))) is not None:
+        raise InputError(f"{path}: {kind} does not export so: {reason}")
+    if (what := untried(kind, form, dynamic=dynamic)) is not None:
         warnings.warn(
-            f"{what} was never run to its end with {loaded.name}: it may take long or fail; the check on the "
+            f"{what} was never run to its end with {kind}: it may take long or fail; the check on the "
             "pair decides",
             SfkitWarning,
             stacklevel=2,
@@ -174,17 +153,6 @@ def export_network(
     exported = _compared(out, form, sizes, fed.crop(made.run(fed.left, fed.right)), expected)
     write_bytes(out, made.content(_metadata(path, loaded, exported)))
     return exported
-
-
-def untried(name: str, form: Form, *, dynamic: bool) -> str | None:
-    """What of a request nobody has seen to its end with an architecture; None where it is known.
-
-    Exporters take minutes for the large networks that come with sfkit; what was measured is in
-    ``docs/how_to/export.md``.
-    """
-    if form is Form.PTH or name not in SEEN or (form, dynamic) in SEEN[name]:
-        return None
-    return f"export to {form.value}{' with --dynamic' if dynamic else ''}"
 
 
 def form_of(form: Form | str) -> Form:

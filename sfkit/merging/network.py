@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +27,13 @@ class LoadedNetwork:
         network: in evaluation mode, on the CPU unless moved.
         inputs: how images become its input.
         name: its architecture's.
+        options: all of its architecture's.
     """
 
     network: nn.Module
     inputs: InputConvention
     name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 def load_network(
@@ -62,7 +64,8 @@ def load_network(
         for key, tensor in file.tensors.items():
             if key in targets:
                 targets[key].copy_(tensor)
-    return LoadedNetwork(network.eval().requires_grad_(requires_grad=False), entry.inputs(chosen), entry.name)
+    network.eval().requires_grad_(requires_grad=False)
+    return LoadedNetwork(network, entry.inputs(chosen), entry.name, chosen)
 
 
 def _architecture(

@@ -25,9 +25,11 @@ from sfkit.datasets.images import read_image
 from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.exporting import Form, export, export_network
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
-from sfkit.exporting.export import rendered_pair, untried
+from sfkit.exporting.export import rendered_pair
 from sfkit.exporting.formats import TRACING
+from sfkit.exporting.forms import SEEN, kind_of, untried
 from sfkit.files import writing
+from sfkit.merging.network import LoadedNetwork
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "architectures"))
 from nmrf_fill import fill
@@ -234,7 +236,7 @@ def test_what_was_never_run_and_what_cannot_be_is_said_before_it_starts(
     fill(network, "A")
     torch.save(network.state_dict(), tmp_path / "net.pth")
     monkeypatch.setattr(export, "predict", stop)
-    monkeypatch.setattr(export, "SEEN", {"nmrf-res": {} if reason is None else {(Form.TORCH, True): reason}})
+    monkeypatch.setitem(SEEN, "nmrf-res", {} if reason is None else {(Form.TORCH, True): reason})
     said = (
         pytest.warns(SfkitWarning, match="export to torch with --dynamic was never run to its end with nmrf")
         if reason is None
@@ -253,10 +255,22 @@ def test_what_was_never_run_and_what_cannot_be_is_said_before_it_starts(
 
 
 def test_what_was_measured_needs_no_warning() -> None:
-    for name, seen in export.SEEN.items():
-        assert all(untried(name, form, dynamic=dynamic) is None for form, dynamic in seen)
-        assert untried(name, Form.PTH, dynamic=True) is None
+    for kind, seen in SEEN.items():
+        assert all(untried(kind, form, dynamic=dynamic) is None for form, dynamic in seen)
+        assert untried(kind, Form.PTH, dynamic=True) is None
     assert untried("anynet", Form.ONNX, dynamic=True) is None
+
+
+def test_the_size_of_a_network_counts_as_its_kind() -> None:
+    """What holds for the smallest FoundationStereo was not seen with the largest."""
+    sizes = {
+        size: LoadedNetwork(
+            torch.nn.Identity(), sfkit.InputConvention(), "foundation-stereo", {"vit_size": size}
+        )
+        for size in ("vits", "vitb", "vitl")
+    }
+    assert {kind_of(network) for network in sizes.values()} < SEEN.keys()
+    assert kind_of(LoadedNetwork(torch.nn.Identity(), sfkit.InputConvention(), "anynet")) == "anynet"
 
 
 @pytest.mark.parametrize(

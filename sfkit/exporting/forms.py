@@ -1,0 +1,49 @@
+"""What a network can be exported to, and what of it was run to its end with the large ones."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+from sfkit.merging.network import LoadedNetwork
+
+
+class Form(StrEnum):
+    """What an exported network becomes."""
+
+    ONNX = "onnx"
+    TORCH = "torch"  # torch.export
+    TORCHSCRIPT = "torchscript"
+    PTH = "pth"  # the layout of the base's checkpoint
+
+
+ENDINGS = {
+    Form.ONNX: (".onnx",),
+    Form.TORCH: (".pt2",),
+    Form.TORCHSCRIPT: (".pt", ".ts"),
+    Form.PTH: (".pth", ".pt", ".ckpt", ".tar"),
+}
+# Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
+# What stands here was run whole (docs/results.md).
+SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
+    "foundation-stereo vits": {(Form.ONNX, False): None, (Form.TORCH, False): None},
+    "foundation-stereo vitb": {},
+    "foundation-stereo vitl": {},
+    "nmrf-res": {(Form.ONNX, False): None},
+    "nmrf-swint": {(Form.ONNX, False): None},
+}
+
+
+def kind_of(loaded: LoadedNetwork) -> str:
+    """The architecture and, where it comes in sizes, which."""
+    return " ".join((loaded.name, *(loaded.options[key] for key in ("vit_size",) if key in loaded.options)))
+
+
+def untried(kind: str, form: Form, *, dynamic: bool) -> str | None:
+    """What of a request nobody has seen to its end with a network of :data:`SEEN`; None where it is known.
+
+    Exporters take minutes for the large networks that come with sfkit; what was measured is in
+    ``docs/how_to/export.md``.
+    """
+    if form is Form.PTH or kind not in SEEN or (form, dynamic) in SEEN[kind]:
+        return None
+    return f"export to {form.value}{' with --dynamic' if dynamic else ''}"
