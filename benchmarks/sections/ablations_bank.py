@@ -15,9 +15,9 @@ def section() -> str:
     done = make(ROOT / "runs" / "results" / "ablations_bank", {"quick": True, "seeds": SEEDS})
     return f"""## What the answer on the embedded bank depends on
 
-`sfkit report -p quick true -p seeds {SEEDS} -o report.html`: 11 sources, validation on 8 pairs of courtyard,
-tests on 40 pairs each of three benchmarks; M = 16, T = 6, 60 evaluations of Stage 2. It took
-{done.minutes:.0f} minutes with nothing in the store.
+`sfkit report -p quick true -p seeds {SEEDS} -o report.html`: the pool `bank-sharp` with its 11 sources,
+validation on 8 pairs of courtyard, tests on 40 pairs each of three benchmarks; M = 16, T = 6, 60 evaluations
+of Stage 2. It took {done.minutes:.0f} minutes with nothing in the store.
 
 As many sources as the search chose, picked by the likeness of their data to each target (the paper's data-set
 combinations), against what the search found:

@@ -51,7 +51,12 @@ from sfkit.analysis.ranking import Ranking, drawn_networks, rank_networks, ranki
 from sfkit.analysis.recipes import recipe_table
 from sfkit.analysis.references import reference_columns, reference_rows, with_references
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
-from sfkit.analysis.retraining import Retraining, retraining_against_merging, study_against_joint
+from sfkit.analysis.retraining import (
+    Retraining,
+    open_joint,
+    retraining_against_merging,
+    study_against_joint,
+)
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
 from sfkit.analysis.search_verdict import SearchVerdict, judges, search_verdict
@@ -148,6 +153,7 @@ __all__ = [
     "measure_recipes",
     "measure_with",
     "method_costs",
+    "open_joint",
     "outlier_regions",
     "over_seeds",
     "overhead_table",

@@ -144,6 +144,25 @@ class NetworkComparison:
         raise InputError(f"comparison: found no row {network!r}, expected one of: {names}")
 
     @property
+    def p_values(self) -> tuple[float, ...]:
+        """Of the rows' differences that matter, each alone; NaN without an interval."""
+        return tuple(row.difference.alone for row in self.rows if row.difference is not None)
+
+    def among(self, beside: Sequence[float]) -> NetworkComparison:
+        """The same rows, their differences on the unseen mean corrected with others that stand beside them.
+
+        Args:
+            beside: uncorrected p-values of these, such as :attr:`p_values` of another comparison.
+        """
+        return replace(self, rows=_corrected(self.rows, beside))
+
+    @property
+    def family(self) -> int:
+        """Among how many comparisons the rows' words are corrected; 0 where no row has an interval."""
+        found = [row.difference for row in self.rows if row.difference is not None]
+        return max((one.family for one in found if one.interval is not None), default=0)
+
+    @property
     def sentences(self) -> tuple[str, ...]:
         """Every row in words, and where the reference gained on what guided it alone."""
         fits = [
@@ -212,11 +231,11 @@ def compare_networks(
     return NetworkComparison(reference, columns, _corrected(made), unit)
 
 
-def _corrected(rows: Sequence[ComparedNetwork]) -> tuple[ComparedNetwork, ...]:
-    """All rows, each family of their differences corrected together."""
+def _corrected(rows: Sequence[ComparedNetwork], beside: Sequence[float] = ()) -> tuple[ComparedNetwork, ...]:
+    """All rows, each family of their differences corrected together; ``beside`` belongs to the unseen's."""
     single = iter(corrected([one for row in rows for one in row.differences]))
     guided = iter(corrected([row.guided_difference for row in rows if row.guided_difference]))
-    unseen = iter(corrected([row.unseen_difference for row in rows if row.unseen_difference]))
+    unseen = iter(corrected([row.unseen_difference for row in rows if row.unseen_difference], beside))
     return tuple(
         replace(
             row,

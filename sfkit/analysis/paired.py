@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,8 +38,9 @@ class Difference:
         level: the interval's coverage, such as 0.95.
         reason: why there is no interval; empty where there is one.
         p: p-value of no difference, corrected (Holm) where it is one of several; NaN without an interval.
-        family: how many differences of one table it was corrected with.
+        family: how many comparisons it was corrected with, itself among them.
         lower_is_better: of the metric.
+        alone: ``p`` before any correction, as ``interval`` is.
     """
 
     network: str
@@ -54,6 +55,7 @@ class Difference:
     p: float = math.nan
     family: int = 1
     lower_is_better: bool = True
+    alone: float = math.nan
 
     @property
     def within_noise(self) -> bool | None:
@@ -85,9 +87,17 @@ class Difference:
     @property
     def allowance(self) -> str:
         """Why an interval that leaves 0 out shows no difference: it is that of one, of many compared."""
-        if not self.within_noise or self.interval is None or self.interval[0] <= 0.0 <= self.interval[1]:
+        if not self.within_noise or self.interval is None:
             return ""
-        return f"one of {self.family} comparisons"
+        return allowance(self.interval, self.family)
+
+    @property
+    def turned(self) -> Difference:
+        """The same difference seen from the other side: the reference against the network."""
+        turned = None if self.interval is None else (-self.interval[1], -self.interval[0])
+        return replace(
+            self, network=self.reference, reference=self.network, value=-self.value, interval=turned
+        )
 
     def __str__(self) -> str:
         """A plain sentence, such as ``within noise of uniform: -0.1 [-0.4, 0.3] points``."""
@@ -178,16 +188,31 @@ def paired_difference(
         return replace(found, reason=reason)
     pairs = [tuple(runs_on_images(one, side, metric) for side in sides) for one in several]
     estimate = paired_estimate([(one, other) for one, other in pairs])
-    return replace(found, interval=estimate.interval(level), p=estimate.p)
+    return replace(found, interval=estimate.interval(level), p=estimate.p, alone=estimate.p)
 
 
-def corrected(differences: Sequence[Difference]) -> tuple[Difference, ...]:
+def allowance(interval: tuple[float, float], family: int) -> str:
+    """What is added to an interval where nothing is shown: why, if it leaves 0 out; else nothing.
+
+    Args:
+        interval: of one difference alone.
+        family: among how many it was corrected.
+    """
+    return "" if interval[0] <= 0.0 <= interval[1] else f"one of {family} comparisons"
+
+
+def corrected(differences: Sequence[Difference], beside: Sequence[float] = ()) -> tuple[Difference, ...]:
     """Differences of one table, so that all that are shown are wrong together at most once in 20 tables.
 
     See :func:`~sfkit.analysis.intervals.holm`; values and intervals stay what they are.
+
+    Args:
+        differences: corrected before or not; what counts is what each is alone.
+        beside: uncorrected p-values of what is claimed beside the table and belongs to its family.
     """
-    family = sum(not math.isnan(one.p) for one in differences)
-    adjusted = holm([one.p for one in differences])
+    alone = [*(one.alone for one in differences), *beside]
+    family = sum(not math.isnan(p) for p in alone)
+    adjusted = holm(alone)[: len(differences)]
     return tuple(
         one if math.isnan(p) else replace(one, p=p, family=family)
         for one, p in zip(differences, adjusted, strict=True)
@@ -214,10 +239,19 @@ def common_unit(measured: Sequence[Measured], metric: str | None) -> str:
     Raises:
         InputError: percent and pixels stand side by side, or no benchmark.
     """
-    units: Mapping[str, str] = {Metric.parse(metric or one.metric).unit: one.benchmark for one in measured}
+    return one_unit([(one.benchmark, metric or one.metric) for one in measured])
+
+
+def one_unit(metrics: Sequence[tuple[str, str]]) -> str:
+    """The unit in which scores under these metrics, each with its benchmark's name, can be averaged.
+
+    Raises:
+        InputError: as :func:`common_unit`.
+    """
+    units = dict.fromkeys(Metric.parse(metric).unit for _, metric in metrics)
     if len(units) != 1:
         raise InputError(
-            f"benchmarks {', '.join(one.benchmark for one in measured)}: found metrics in "
+            f"benchmarks {', '.join(name for name, _ in metrics)}: found metrics in "
             f"{' and '.join(units) or 'no unit'}, expected one unit for a mean: name one metric for all"
         )
     return next(iter(units))

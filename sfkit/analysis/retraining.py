@@ -16,6 +16,7 @@ from sfkit.analysis.study import UNIFORM, Study
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.opening import open_pool
+from sfkit.merging.pool import Pool
 
 
 @dataclass(frozen=True)
@@ -108,8 +109,34 @@ def retraining_against_merging(
 JOINT = "joint retraining"
 
 
+def open_joint(pool: Pool, file: str | Path, seconds: float | None, training: Mapping[str, float]) -> Pool:
+    """A network that was trained on all sources' data at once, and whether its times are known.
+
+    Args:
+        pool: the sources; the checkpoint is of its architecture.
+        file: the checkpoint.
+        seconds: what its training took.
+        training: source -> seconds its fine-tuning took.
+
+    Returns:
+        A pool with ``pool``'s base whose one source is the network.
+
+    Raises:
+        InputError: the checkpoint does not fit the pool, or one of the times is missing.
+    """
+    if not training:
+        raise InputError(
+            "joint: found no seconds of any fine-tuning, expected source -> seconds in training_seconds"
+        )
+    if seconds is None or not seconds > 0.0:
+        raise InputError(
+            f"joint: found {seconds} seconds of its training, expected a positive number in joint_seconds"
+        )
+    return open_pool(replace(pool.spec, sources=(Member("joint", Path(file)),)))
+
+
 def study_against_joint(
-    study: Study, file: str | Path, seconds: float, training: Mapping[str, float]
+    study: Study, joint: Pool, seconds: float, training: Mapping[str, float]
 ) -> Retraining:
     """A study's recommended network and its equal mixture beside one trained on all sources' data at once.
 
@@ -118,20 +145,16 @@ def study_against_joint(
 
     Args:
         study: the methods, measured.
-        file: a checkpoint of the pool's architecture.
+        joint: that network, from :func:`open_joint`.
         seconds: its training's, on the machine the fine-tunings were timed on.
         training: source -> seconds its fine-tuning took.
 
     Raises:
-        InputError: the checkpoint does not fit the pool, no fine-tuning's seconds, or as
-            :func:`retraining_against_merging`.
+        InputError: as :func:`retraining_against_merging`.
     """
-    if not training:
-        raise InputError("retraining: found no seconds of any fine-tuning, expected source -> seconds")
     pool, chosen = study.experiment.pool, study.chosen
-    joint = open_pool(replace(pool.spec, sources=(Member("joint", Path(file)),)))
     networks = {
-        JOINT: (joint, joint.equal("joint")),
+        JOINT: (joint, joint.equal(*joint.names)),
         UNIFORM: (pool, pool.uniform()),
         chosen: (study.result.pool, study.result.recipe),
     }

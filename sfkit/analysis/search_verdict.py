@@ -154,10 +154,16 @@ def search_verdict(
         replace(one, images={label: one.images[name] for name, label in labels.items()}) for one in measured
     ]
     rivals = {label: recipes[name] for name, label in labels.items() if name != BASE}
+    comparison = compare_networks(shown, labels[single])
     found = verdict(
-        rivals, shown[: len(guided)], shown[len(guided) :], evaluations=evaluations, averaged=AVERAGED
+        rivals,
+        shown[: len(guided)],
+        shown[len(guided) :],
+        evaluations=evaluations,
+        averaged=AVERAGED,
+        beside=comparison.p_values if tests else (),
     )
-    return SearchVerdict(measured, single, compare_networks(shown, labels[single]), found, rivals)
+    return SearchVerdict(measured, single, comparison.among(found.p_values), found, rivals)
 
 
 def missing(pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator], stages: int = 2) -> Missing:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import pandas as pd
@@ -15,7 +15,7 @@ from sfkit.analysis.headed import MEAN, UNSEEN, with_means
 from sfkit.analysis.judgement import Judgement
 from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
-from sfkit.analysis.paired import Difference, corrected, paired_difference
+from sfkit.analysis.paired import Difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.analysis.study_runs import AVERAGE, costs_of
 from sfkit.analysis.tables import source_table
@@ -44,7 +44,8 @@ class Study:
         runs: network name -> result: the methods by their label, or ``LABEL, seed N`` for seeded ones.
         measured: all networks on every benchmark, validation first: base, sources, then those of ``runs``.
         comparison: a row a method, seeds averaged, differences to :attr:`reference`.
-        reference: the row that others are compared with.
+        reference: the row that others are compared with: the recommended network's method unless asked
+            for another.
         verdict: what to deploy, why, and how sure.
         by_hand: reported benchmarks whose scores a person saw while editing; they count as guided.
     """
@@ -105,11 +106,6 @@ class Study:
         """A network's mean score over the unseen benchmarks; over all where none is unseen."""
         return _mean(one.score(network) for one in self.unseen or self.measured)
 
-    def differences(self, network: str, references: Sequence[str]) -> tuple[Difference, ...]:
-        """One network against others on the unseen benchmarks' mean, corrected for how many they are."""
-        tests = self.unseen or self.measured
-        return corrected([paired_difference(tests, network, name) for name in references])
-
     def selection(self) -> SelectionStatistics:
         """Which sources the seeds of the two stages chose, and with what weight."""
         kept = {name: result for name, result in self.runs.items() if result.name in STAGES}
@@ -133,6 +129,9 @@ class Study:
 
     def differences_table(self) -> pd.DataFrame:
         """A row a method: how it differs from the reference on the unseen mean, how sure, over which seeds.
+
+        The verdict is corrected for all comparisons on the unseen (:attr:`NetworkComparison.family`), those
+        of the study's verdict among them; an interval is that of one difference alone.
 
         In points (or pixels) with the ends of the interval; NaN where there is none, and the words say why.
         """

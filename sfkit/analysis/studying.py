@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.measured import Measured
+from sfkit.analysis.paired import one_unit
 from sfkit.analysis.study import BASE, UNIFORM, LineCallback, Study
 from sfkit.analysis.study_runs import AGAIN, AVERAGE, costs_of, with_draws
-from sfkit.analysis.verdict import Verdict, verdict
+from sfkit.analysis.verdict import Verdict, prefer, verdict
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
@@ -37,15 +38,21 @@ def study(
             from the experiment's on; DARE and DARE + TIES with so many draws.
         methods: names as :func:`~sfkit.baselines.baselines` lists them; all usual ones unless given. With
             the experiment's ``resamples`` the averaged winner comes last.
-        reference: the method that others are compared with, by its name; the last one unless given.
+        reference: the method that others are compared with, by its name; that of the recommended network
+            unless given.
         settings: method name -> settings of its own.
         progress: hears a line when a method begins.
 
     Raises:
-        InputError: no seed, an unknown method, a reference that was not run, or ``resamples`` of one pair.
+        InputError: no seed, an unknown method, a reference that was not run, ``resamples`` of one pair, or
+            tests whose metrics have no common unit.
     """
     if seeds < 1:
         raise InputError(f"seeds: found {seeds}, expected at least 1")
+    methods = None if methods is None else list(methods)
+    _check_reference(reference, methods)
+    tested = [one for one in experiment.compared if not one.validation] or experiment.compared
+    one_unit([(one.benchmark, one.metric) for one in tested])
     used = tuple(experiment.seed + number for number in range(seeds))
     tests = [experiment.scorer(one, experiment.metric_of(one)) for one in experiment.columns]
     settings = with_draws(settings or {}, seeds)
@@ -60,13 +67,16 @@ def study(
     runs = _seeded(experiment, run, used, settings, progress)
     progress("every network on every benchmark")
     measured = experiment.measured(_networks(experiment.pool, runs))
-    name = reference or list(run.results)[-1]
-    if name not in run.results:
-        raise InputError(f"reference: found {name!r}, expected one of: {', '.join(run.results)}")
-    label = run.results[name].label
-    comparison = _compare(experiment, measured, runs, label)
-    found = _verdict(experiment, measured, runs)
+    _check_reference(reference, run.results)
+    asked = None if reference is None else run.results[reference].label
+    comparison, found = _judged(experiment, measured, runs, asked)
+    label = comparison.reference
     return Study(experiment, used, run, runs, measured, comparison, label, found, experiment.by_hand)
+
+
+def _check_reference(reference: str | None, methods: Collection[str] | None) -> None:
+    if reference is not None and methods is not None and reference not in methods:
+        raise InputError(f"reference: found {reference!r}, expected one of: {', '.join(methods)}")
 
 
 def _run(
@@ -144,19 +154,39 @@ def _compare(
     return compare_networks(rows, reference, seeds=groups)
 
 
-def _verdict(
-    experiment: Experiment, measured: Sequence[Measured], runs: Mapping[str, BaselineResult]
-) -> Verdict:
-    """Of all networks but oracles, which saw the tests; validation under the metric that guided."""
+def _judged(
+    experiment: Experiment,
+    measured: Sequence[Measured],
+    runs: Mapping[str, BaselineResult],
+    reference: str | None,
+) -> tuple[NetworkComparison, Verdict]:
+    """The verdict, and every method beside ``reference`` or the recommended one; corrected together.
+
+    Of all networks but oracles, which saw the tests; validation under the metric that guided.
+    """
     able = {name: result for name, result in runs.items() if not result.oracle}
+    recipes = {name: result.recipe for name, result in able.items()}
     guide = experiment.validation
     guides = [replace(one, metric=guide.metric) for one in measured if one.benchmark == guide.name]
+    tests = [one for one in measured if not one.validation]
     spent = {cost.method: cost.evaluations for cost in costs_of(runs)}
     averages = [name for name, result in able.items() if result.name == AVERAGE]
-    return verdict(
-        {name: result.recipe for name, result in able.items()},
+    averaged = min(averages, key=lambda name: able[name].score, default=None)
+    # Which method others stand beside must be known before any test is looked at: its p-values are among
+    # those that the verdict is corrected with.
+    label = reference or runs[prefer(recipes, guides, averaged)].label
+    comparison = _compare(experiment, measured, runs, label)
+    found = verdict(
+        recipes,
         guides,
-        [one for one in measured if not one.validation],
+        tests,
         evaluations={name: spent[result.label] for name, result in able.items()},
-        averaged=min(averages, key=lambda name: able[name].score, default=None),
+        averaged=averaged,
+        beside=comparison.p_values if tests else (),
     )
+    claimed = found.p_values
+    recommended = runs[found.recommended].label
+    if reference is None and recommended != label:  # overruled: what was looked at before counts as well
+        claimed += comparison.p_values
+        comparison = _compare(experiment, measured, runs, recommended)
+    return comparison.among(claimed), found

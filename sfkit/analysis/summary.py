@@ -17,7 +17,7 @@ def summary(study: Study) -> tuple[str, ...]:
     return (
         *_deploy(study),
         *_how_sure(study),
-        *_others(study),
+        *_warnings(study),
         *_sources(study),
         *_cost(study),
     )
@@ -57,13 +57,7 @@ def _how_sure(study: Study) -> Iterator[str]:
         f"On what no method saw ({names}; {images} images) its mean is "
         f"{score_text(study.metric, study.mean(study.chosen))}."
     )
-    references = [name for name in (BASE, "uniform", "single best (validation)") if _known(study, name)]
-    against = study.differences(study.chosen, [name for name in references if name != study.chosen])
-    if against:
-        said = "; ".join(_plainly(difference) for difference in against)
-        known = any(difference.interval is not None for difference in against)
-        how = " (95 % intervals over images and, where a method draws, over its seeds)" if known else ""
-        yield f"There it is {said}{how}."
+    yield from _beside(study)
     row = study.comparison.row(study.result.label)
     if row.spread is not None:
         yield f"With other seeds that mean is another: {row.spread}."
@@ -76,8 +70,45 @@ def _how_sure(study: Study) -> Iterator[str]:
         )
 
 
-def _known(study: Study, name: str) -> bool:
-    return any(name in one.images for one in study.measured)
+LANDMARKS = (BASE, "uniform", "single best (validation)")
+"""What everybody wants to know the difference to in figures."""
+
+
+def _beside(study: Study) -> Iterator[str]:
+    """The reference against every other method, in one sentence: one family of comparisons."""
+    oracles = {result.label for result in study.runs.values() if result.oracle}
+    groups: dict[Judgement, list[str]] = {word: [] for word in Judgement}
+    for row in study.comparison.rows:
+        if row.difference is None:
+            continue
+        found = row.difference.turned
+        what = f"{row.network} (which saw the test)" if row.network in oracles else row.network
+        if row.network in LANDMARKS:
+            what = f"{row.network} ({_figures(found)})"
+        groups[found.word].append(what)
+    unknown = groups.pop(Judgement.UNKNOWN)
+    parts = [f"{word.against} {', '.join(names)}" for word, names in groups.items() if names]
+    if unknown:
+        parts.append(f"with no interval to judge by beside {', '.join(unknown)}")
+    if not parts:
+        return
+    seeds = study.comparison.row(study.reference).spread
+    over = f" (over {len(seeds.values)} seeds)" if seeds is not None else ""
+    said = f"There {study.reference}{over} is {'; '.join(parts)}."
+    if study.comparison.family:
+        said += (
+            f" All {study.comparison.family} comparisons made there are corrected together (Holm); an "
+            "interval is that of one alone (95 %, over images and, where a method draws, over its seeds)."
+        )
+    yield said
+
+
+def _figures(difference: Difference) -> str:
+    value = f"{difference.value:+.2f} {difference.points}"
+    if difference.interval is None:
+        return f"{value}, no interval: {difference.reason}"
+    low, high = difference.interval
+    return f"{value}, {low:+.2f} to {high:+.2f}"
 
 
 def _plainly(difference: Difference) -> str:
@@ -92,26 +123,18 @@ def _plainly(difference: Difference) -> str:
     return f"{word} {difference.reference} ({difference.value:+.2f} {unit}, {low:+.2f} to {high:+.2f}{many})"
 
 
-def _others(study: Study) -> Iterator[str]:
-    """Who is better or worse than the reference beyond noise."""
-    words = (Judgement.WORSE, Judgement.WITHIN_NOISE, Judgement.BETTER)
-    groups: dict[Judgement, list[str]] = {word: [] for word in words}
-    oracles = {result.label for result in study.runs.values() if result.oracle}
+def _warnings(study: Study) -> Iterator[str]:
+    """Who fits the validation images, the reference or a method beside it."""
     for row in study.comparison.rows:
-        found = row.difference
-        if row.network == study.reference or found is None or found.interval is None:
+        guided, unseen = row.guided_difference, row.unseen_difference
+        if guided is None or unseen is None or not (row.overfit or row.outdoes_on_unseen):
             continue
-        saw = " (which saw the test)" if row.network in oracles else ""
-        groups[found.word].append(f"{row.network}{saw}")
-    parts = [f"{word}: {', '.join(names)}" for word, names in groups.items() if names]
-    if parts:
-        yield f"Against {study.reference} on the unseen benchmarks, {'; '.join(parts)}."
-    for row in study.comparison.rows:
-        if row.overfit and row.guided_difference is not None and row.unseen_difference is not None:
-            yield (
-                f"Warning: {row.network} is {_plainly(row.guided_difference)} on what guided it and "
-                f"{_plainly(row.unseen_difference)} on the unseen: it fits the validation images."
-            )
+        if row.outdoes_on_unseen:
+            guided, unseen = guided.turned, unseen.turned
+        yield (
+            f"Warning: {guided.network} is {_plainly(guided)} on what guided it and {_plainly(unseen)} on "
+            "the unseen: it fits the validation images."
+        )
 
 
 def _sources(study: Study) -> Iterator[str]:

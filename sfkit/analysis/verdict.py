@@ -9,8 +9,8 @@ The rule, one for every result of sfkit:
    rule of Breiman et al., 1984): a source alone is simpler than equal weights, equal weights of fewer
    sources are simpler than of more, and both are simpler than a routing.
 3. Where benchmarks that guided nothing show that a network of another kind, or a simpler one, is better
-   (its interval, corrected for how many were compared, leaves 0 out), they overrule validation, and the
-   verdict begins with that.
+   (its p-value is under 0.05, corrected for all comparisons that are made on these benchmarks), they
+   overrule validation, and the verdict begins with that.
 
 Evidence, as change on unseen images against rule 1 without an average, over five runs on the first bank,
 ten on a real pool and ten on the sharp bank (docs/results.md, "Which rule should a verdict follow?"): the
@@ -64,6 +64,7 @@ def verdict(
     *,
     evaluations: Mapping[str, int] | None = None,
     averaged: str | None = None,
+    beside: Sequence[float] = (),
 ) -> Verdict:
     """Apply the rule to measured networks.
 
@@ -73,22 +74,16 @@ def verdict(
         tests: benchmarks that guided nothing.
         evaluations: network name -> what finding it took, where that is to be said.
         averaged: the name of the averaged winner, where there is one.
+        beside: uncorrected p-values of what else is compared on the tests, such as
+            :attr:`NetworkComparison.p_values`; all are corrected together.
 
     Raises:
         InputError: no network with a score, no validation benchmark, or a network one of them lacks.
     """
-    if not validation:
-        raise InputError("verdict: found no validation benchmark, expected at least one")
-    scores = {name: _mean([one.score(name) for one in validation]) for name in recipes}
-    able = {name: score for name, score in scores.items() if math.isfinite(score)}
-    if not able:
-        raise InputError("verdict: found no network with a finite validation score, expected at least one")
-    rungs = {name: simplicity(recipes[name]) for name in able}
-    lowest = min(able, key=lambda name: (able[name], rungs[name]))
-    average = averaged if averaged in able else None
-    worse = average is not None and shown_worse(validation, average, lowest)
-    preferred = lowest if average is None or worse else average
-    compared = _compare(preferred, {lowest, average}, rungs, validation, tests)
+    able, rungs = _able(recipes, validation)
+    lowest, average, preferred = _choice(able, rungs, validation, averaged)
+    worse = average is not None and preferred != average
+    compared, family = _compare(preferred, {lowest, average}, rungs, validation, tests, beside)
     close = [one.simpler for one in compared if not one.told_apart and rungs[one.simpler] < rungs[preferred]]
     simplest = min(close, key=lambda name: (rungs[name], able[name])) if close else None
     better = [one.simpler for one in compared if one.refuted]
@@ -115,9 +110,45 @@ def verdict(
         able[lowest],
         averaged=preferred == average,
         passed_over=average if worse else None,
+        family=family,
     )
     clear = all(one.clear for one in compared if rungs[one.simpler] < rungs[preferred])
     return with_reason(found, unlike, evaluations or {}, clear, rival)
+
+
+def prefer(recipes: Mapping[str, Recipe], validation: Sequence[Measured], averaged: str | None = None) -> str:
+    """The network that validation alone prefers: the rule before any test is looked at.
+
+    Args and errors as :func:`verdict`.
+    """
+    return _choice(*_able(recipes, validation), validation, averaged)[2]
+
+
+def _able(
+    recipes: Mapping[str, Recipe], validation: Sequence[Measured]
+) -> tuple[dict[str, float], dict[str, tuple[int, int]]]:
+    """Scores on validation and rungs of all that have a score."""
+    if not validation:
+        raise InputError("verdict: found no validation benchmark, expected at least one")
+    scores = {name: _mean([one.score(name) for one in validation]) for name in recipes}
+    able = {name: score for name, score in scores.items() if math.isfinite(score)}
+    if not able:
+        raise InputError("verdict: found no network with a finite validation score, expected at least one")
+    return able, {name: simplicity(recipes[name]) for name in able}
+
+
+def _choice(
+    able: Mapping[str, float],
+    rungs: Mapping[str, tuple[int, int]],
+    validation: Sequence[Measured],
+    averaged: str | None,
+) -> tuple[str, str | None, str]:
+    """What scores lowest, the averaged winner if there is one, and which of the two validation prefers."""
+    lowest = min(able, key=lambda name: (able[name], rungs[name]))
+    average = averaged if averaged in able else None
+    if average is None or shown_worse(validation, average, lowest):
+        return lowest, average, lowest
+    return lowest, average, average
 
 
 def estimate_between(measured: Sequence[Measured], network: str, reference: str) -> PairedEstimate | None:
@@ -138,9 +169,13 @@ def estimate_between(measured: Sequence[Measured], network: str, reference: str)
 
 
 def shown_worse(measured: Sequence[Measured], network: str, reference: str) -> bool:
-    """Whether the 95 % interval of a network's difference to a reference lies above 0."""
+    """Whether the 95 % interval of a network's difference to a reference lies above 0.
+
+    Under five images on a benchmark there is none, and nothing is shown.
+    """
     found = estimate_between(measured, network, reference)
-    return found is not None and found.interval()[0] > 0.0
+    few = min(len(one.ids) for one in measured) < FEWEST_IMAGES
+    return found is not None and not few and found.interval()[0] > 0.0
 
 
 def _compare(
@@ -149,17 +184,21 @@ def _compare(
     rungs: Mapping[str, tuple[int, int]],
     validation: Sequence[Measured],
     tests: Sequence[Measured],
-) -> tuple[Against, ...]:
+    beside: Sequence[float],
+) -> tuple[tuple[Against, ...], int]:
+    """``preferred`` beside the others, and among how many comparisons that is corrected."""
     own = rungs[preferred]
     others = [name for name in rungs if name != preferred]
     simpler = [n for n in others if rungs[n] < own or rungs[n][0] > own[0] or n in always]
     seen = [estimate_between(tests, preferred, name) for name in simpler]
     enough = bool(tests) and min(len(one.ids) for one in tests) >= FEWEST_IMAGES
-    p_values = holm([one.p if one is not None and enough else math.nan for one in seen])
-    return tuple(
+    alone = [*(one.p if one is not None and enough else math.nan for one in seen), *beside]
+    p_values = holm(alone)[: len(seen)]
+    compared = tuple(
         Against(name, estimate_between(validation, preferred, name), test, p)
         for name, test, p in zip(simpler, seen, p_values, strict=True)
     )
+    return compared, sum(not math.isnan(p) for p in alone)
 
 
 def _next(rungs: Mapping[str, tuple[int, int]], scores: Mapping[str, float], preferred: str) -> str | None:

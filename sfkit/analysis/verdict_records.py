@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import math
 from dataclasses import dataclass
 
 from sfkit.analysis.intervals import LEVEL, PairedEstimate
@@ -28,7 +29,7 @@ class Against:
         simpler: the other network's name.
         validation: score minus the simpler one's on validation; None where it has no score.
         tests: the same on the mean of what guided nothing; None where there is none.
-        p: of ``tests``, corrected for all networks that were compared (Holm); NaN where it has no interval.
+        p: of ``tests``, corrected (Holm) for all comparisons on the tests; NaN where it has no interval.
     """
 
     simpler: str
@@ -81,6 +82,7 @@ class Verdict:
         lowest_score: its score there.
         averaged: whether ``preferred`` is the averaged winner.
         passed_over: the averaged winner, where validation shows it worse than ``lowest``; else None.
+        family: among how many comparisons on the tests each ``p`` is corrected.
     """
 
     recommended: str
@@ -99,6 +101,13 @@ class Verdict:
     lowest_score: float
     averaged: bool = False
     passed_over: str | None = None
+    family: int = 0
+
+    @property
+    def p_values(self) -> tuple[float, ...]:
+        """Of all compared on the tests, each alone; those without an interval are left out."""
+        known = (one.tests for one in self.compared if not math.isnan(one.p))
+        return tuple(tests.p for tests in known if tests is not None)
 
     @property
     def sentence(self) -> str:

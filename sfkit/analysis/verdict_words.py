@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, PairedEstimate
 from sfkit.analysis.labels import points, score_text
+from sfkit.analysis.paired import allowance
 from sfkit.analysis.verdict_records import Support, Verdict
 from sfkit.datasets.metric import Metric
 
@@ -90,8 +91,9 @@ def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
     if unlike is None or found.support is Support.OVERRULED:
         return []
     against = found.against(unlike)
-    shown = "" if against.validation is None else f" ({_difference(against.validation, found.metric)})"
-    if found.pairs < FEWEST_IMAGES * len(found.validation):
+    few = found.pairs < FEWEST_IMAGES * len(found.validation)
+    shown = "" if against.validation is None else f" ({_difference(against.validation, found.metric, few)})"
+    if few:
         said = [f"So few pairs cannot tell it from {unlike}, which is simpler{shown}."]
     elif against.validation is not None and against.validation.interval()[0] > 0.0:
         said = [f"On validation {unlike}, which is simpler, scores lower{shown}."]
@@ -117,7 +119,7 @@ def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
         )
         said.append(
             f"On what guided nothing ({', '.join(found.tests)}) it is {word} {unlike}: "
-            f"{_difference(against.tests, found.metric)}."
+            f"{_on_the_tests(found, unlike)}."
         )
     return said
 
@@ -126,17 +128,27 @@ def _on_tests(found: Verdict, unlike: str | None, rival: str | None) -> list[str
     """A simpler network that does better on the tests than what validation prefers, by a hair or by luck."""
     if rival is None or rival == unlike or found.support is Support.OVERRULED:
         return []
-    tests = found.against(rival).tests
-    assert tests is not None
     return [
         f"There {rival}, which is simpler too, scores lower, though the tests do not tell the two apart: "
-        f"{_difference(tests, found.metric)}."
+        f"{_on_the_tests(found, rival)}."
     ]
 
 
-def _difference(estimate: PairedEstimate, metric: str) -> str:
+def _on_the_tests(found: Verdict, other: str) -> str:
+    """The difference there, and why nothing is told apart where the interval alone would say so."""
+    against = found.against(other)
+    assert against.tests is not None
+    said = _difference(against.tests, found.metric, math.isnan(against.p))
+    if against.confirmed or against.refuted or math.isnan(against.p):
+        return said
+    why = allowance(against.tests.interval(), found.family)
+    return f"{said}, {why}" if why else said
+
+
+def _difference(estimate: PairedEstimate, metric: str, few: bool = False) -> str:
+    """The difference with its interval; without it where there are too ``few`` pairs to judge by."""
     unit = points(Metric.parse(metric).unit)
-    if math.isinf(estimate.error):
-        return f"{estimate.value:+.2f} {unit}, no interval from one pair"
+    if few or math.isinf(estimate.error):
+        return f"{estimate.value:+.2f} {unit}, no interval from so few pairs"
     low, high = estimate.interval()
     return f"{estimate.value:+.2f} {unit}, {100 * LEVEL:.0f} % interval {low:+.2f} to {high:+.2f}"

@@ -13,6 +13,7 @@ from sfkit.analysis import (
     Study,
     Support,
     environment,
+    open_joint,
     recipe_table,
     study,
     study_against_joint,
@@ -109,10 +110,34 @@ def test_verdicts_follow_the_intervals(found: Study) -> None:
     mean = found.table()["mean of the unseen"]
     for name in ("base", "uniform"):
         row = table.loc[name]
-        assert row["low (px)"] - 1e-9 <= row["to Stage 1+2 (px)"] <= row["high (px)"] + 1e-9
-        assert row["to Stage 1+2 (px)"] == pytest.approx(mean[name] - mean["Stage 1+2"])
+        assert row["low (px)"] - 1e-9 <= row["to Stage 1 (px)"] <= row["high (px)"] + 1e-9
+        assert row["to Stage 1 (px)"] == pytest.approx(mean[name] - mean["Stage 1"])
         assert row["verdict"] == "worse"  # all images of a benchmark move alike
-    assert table.loc["Stage 1+2", "verdict"] == "the reference"
+    assert table.loc["Stage 1", "verdict"] == "the reference", "the method that is recommended"
+
+
+def test_all_that_is_said_of_the_unseen_is_one_family_of_comparisons(found: Study) -> None:
+    rows = [row.difference for row in found.comparison.rows if row.difference is not None]
+    overruled = len(rows)  # Stage 1+2 beside the same methods, which had been looked at before
+    assert found.comparison.family == len(found.verdict.p_values) + overruled + len(rows)
+    assert found.verdict.family == len(found.verdict.p_values) + overruled
+    assert {one.family for one in rows} == {found.comparison.family}
+    (said,) = [one for one in summary(found) if one.startswith("There Stage 1 (over 2 seeds) is ")]
+    assert f"All {found.comparison.family} comparisons made there are corrected together (Holm)" in said
+    for row in found.comparison.rows[1:4]:
+        assert said.count(row.network) == 1
+    assert "single best (oracle) (which saw the test)" in said
+
+
+def test_tests_in_pixels_and_in_percent_are_refused_before_anything_runs(experiment: Experiment) -> None:
+    mixed = (experiment.reported[0], experiment.reported[1].measured_by(metric="bad-1.0"))
+    store = EvaluationStore(":memory:")
+    begun: list[str] = []
+    with pytest.raises(InputError, match="benchmarks near, far: found metrics in px and %"):
+        study(experiment.changed(reported=mixed, store=store), seeds=1, progress=begun.append)
+    with pytest.raises(InputError, match="reference: found 'ties', expected one of: uniform"):
+        study(experiment, seeds=1, methods=["uniform"], reference="ties", progress=begun.append)
+    assert begun == []
 
 
 def test_the_summary_says_what_the_tables_say(found: Study) -> None:
@@ -140,6 +165,8 @@ def test_a_gain_on_validation_alone_is_called_what_it_is(experiment: Experiment)
     said = " ".join(summary(study(apart, seeds=1, methods=["uniform", "stage1_2"], reference="uniform")))
     assert "Warning: Stage 1+2 is" in said
     assert "it fits the validation images" in said
+    own = " ".join(summary(study(apart, seeds=1, methods=["uniform", "stage1_2"], reference="stage1_2")))
+    assert "Warning: Stage 1+2 is better than uniform" in own, "also where others stand beside it"
 
 
 def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experiment: Experiment) -> None:
@@ -227,7 +254,8 @@ def test_a_network_trained_on_all_data_stands_beside_the_recommended_one(
 ) -> None:
     spec = flat_spec(tmp_path, {"together": 2.0}, base=4.5)
     training = {"one": 60.0, "five": 90.0, "ten": 30.0}
-    record = study_against_joint(found, spec.sources[0].path, 3600.0, training)
+    joint = open_joint(experiment.pool, spec.sources[0].path, 3600.0, training)
+    record = study_against_joint(found, joint, 3600.0, training)
     table = record.table()
     assert list(table.index) == ["joint retraining", "uniform", found.chosen]
     assert record.benchmarks == ("near", "far")
@@ -235,5 +263,9 @@ def test_a_network_trained_on_all_data_stands_beside_the_recommended_one(
     assert table.loc[found.chosen, "mean (px)"] == pytest.approx(found.mean(found.chosen))
     assert table.loc["uniform", "of joint retraining (%)"] == pytest.approx(2.5)
     assert table.loc[found.chosen, "seconds"] == pytest.approx(90.0 + found.result.seconds)
-    with pytest.raises(InputError, match="no seconds of any fine-tuning"):
-        study_against_joint(found, spec.sources[0].path, 3600.0, {})
+    with pytest.raises(InputError, match="joint: found no seconds of any fine-tuning"):
+        open_joint(experiment.pool, spec.sources[0].path, 3600.0, {})
+    with pytest.raises(InputError, match="joint: found None seconds of its training, expected"):
+        open_joint(experiment.pool, spec.sources[0].path, None, training)
+    with pytest.raises(InputError, match=r"nothing\.pth"):
+        open_joint(experiment.pool, tmp_path / "nothing.pth", 3600.0, training)

@@ -200,6 +200,30 @@ def test_four_test_images_overrule_nothing() -> None:
     assert found.support is Support.UNDECIDED
     assert found.recommended == "Stage 1+2"
     assert math.isnan(found.against("Stage 1").p)
+    assert "not told apart from Stage 1: +9.00 points, no interval from so few pairs." in found.sentence
+
+
+def test_four_pairs_show_no_average_worse() -> None:
+    guide = averaging("guide", routed=-3.0, mean=+9.0, images=4, guides=True)
+    assert estimate_between([guide], "average", "Stage 1+2").interval()[0] > 0.0  # type: ignore[union-attr]
+    found = verdict({**RECIPES, "average": MEAN}, [guide], averaged="average")
+    assert (found.recommended, found.passed_over) == ("average", None)
+
+
+def test_what_is_compared_beside_it_makes_a_verdict_no_surer() -> None:
+    """One interval leaves 0 out; as one of many comparisons it shows nothing, and that is said."""
+    guide, tests = bench("guide", -3.0, guides=True), [bench("one", -0.9, noise=1.2)]
+    alone = verdict(RECIPES, [guide], tests)
+    against = alone.against("Stage 1")
+    assert against.tests is not None
+    assert against.tests.interval()[1] < 0.0
+    assert "better than Stage 1: -0.9" in alone.sentence
+    among = verdict(RECIPES, [guide], tests, beside=[0.9] * 40)
+    assert (alone.family, among.family) == (4, 44)
+    assert among.p_values == alone.p_values
+    assert among.against("Stage 1").p > 0.05 > against.p
+    assert f"{against.tests.interval()[1]:+.2f}, one of 44 comparisons." in among.sentence
+    assert "not told apart from Stage 1: -0.9" in among.sentence
 
 
 def test_with_no_truth_in_it_tests_overrule_in_at_most_five_percent() -> None:
