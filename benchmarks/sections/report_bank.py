@@ -20,14 +20,18 @@ GUIDES, TESTS = 8, 8
 """Pairs of the world that guides, and of each that does not."""
 
 
+def worlds() -> list[str]:
+    """What guides nothing."""
+    return [f"{POOL}:{name}" for name in bank.benchmarks() if name != bank.VALIDATION]
+
+
 def measure() -> Study:
     """The study that a report is made of; its store goes on where it was."""
     FOLDER.mkdir(parents=True, exist_ok=True)
-    worlds = [f"{POOL}:{name}" for name in bank.benchmarks() if name != bank.VALIDATION]
     experiment = analysis.Experiment(
         sfkit.open_pool(POOL),
         sfkit.open_benchmark(f"{POOL}:{bank.VALIDATION}", pairs=GUIDES),
-        tuple(sfkit.open_benchmark(name, pairs=TESTS) for name in worlds),
+        tuple(sfkit.open_benchmark(name, pairs=TESTS) for name in worlds()),
         sfkit.EvaluationStore(FOLDER / "evaluations.sqlite"),
         population=POPULATION,
         generations=GENERATIONS,
@@ -54,8 +58,9 @@ The methods, tuned on validation alone; `*` marks what guided them, `†` a row 
 
 {markdown(study.table())}
 
-Against the last row on the mean of the unseen, in points; `low` and `high` are the ends of the 95 % interval,
-over images and, where a method draws, its seeds:
+Against {study.reference} on the mean of the unseen, in points; `low` and `high` are the ends of the 95 %
+interval of that difference alone, over images and, where a method draws, its seeds; the verdicts are
+corrected for all {study.comparison.family} comparisons there:
 
 {markdown(study.differences_table())}
 
@@ -63,9 +68,9 @@ Single sources:
 
 {markdown(study.sources_table())}
 
-What each method took, all its runs together, and beside the fine-tuning of the sources, whose seconds were
-measured when the bank was built:
+What each method took, all its runs together, and beside joint retraining and the fine-tuning of the sources,
+whose seconds were measured when the bank was built:
 
 {markdown(study.cost_table(), digits=1)}
 
-{markdown(study.overhead_table(bank.training_seconds(POOL)), digits=1)}"""
+{markdown(study.overhead_table(bank.training_seconds(POOL), bank.joint_training(POOL)[1]), digits=1)}"""

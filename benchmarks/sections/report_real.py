@@ -61,8 +61,9 @@ All methods; `*` marks what guided them, `†` a row that chose by the mean of a
 
 {markdown(study.table())}
 
-Against the last row on what nobody saw, in points; `low` and `high` are the ends of the 95 % interval, over
-images and, where a method draws, its seeds:
+Against {study.reference} on what nobody saw, in points; `low` and `high` are the ends of the 95 % interval
+of that difference alone, over images and, where a method draws, its seeds; the verdicts are corrected for all
+{study.comparison.family} comparisons there:
 
 {markdown(study.differences_table())}
 

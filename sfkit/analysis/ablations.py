@@ -15,7 +15,7 @@ import pandas as pd
 from sfkit.analysis.experiment import Answer, Experiment, overlap
 from sfkit.analysis.headed import UNSEEN, with_means
 from sfkit.analysis.measured import measure_with
-from sfkit.analysis.paired import paired_difference
+from sfkit.analysis.paired import Difference, corrected, paired_difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
@@ -210,7 +210,8 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
     Returns:
         A row a (pool, subset): the sources, their overlap with the pool's own subset, the benchmarks, their
         mean, how many evaluations the row needed on its pool, from the store or not, and how the reused
-        subset differs from the pool's own search on the mean, in words with a 95 % interval over images.
+        subset differs from the pool's own search on the mean, in words with a 95 % interval over images;
+        both rows' words are corrected together.
 
     Raises:
         InputError: a source of one subset is missing in the other pool, or both pools have one name.
@@ -220,26 +221,28 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
             f"subset transfer: found two pools called {first.pool.name!r}, expected a name for each"
         )
     own = {experiment: experiment.answer() for experiment in (first, second)}
-    frames = []
+    frames, found = [], []
     for here, other in ((first, second), (second, first)):
         reused = here.answer(subset=transfer(own[other].subset, here.pool.names))
         answers = {"own search": own[here], f"found on {other.pool.name}": reused}
         frame = _table(here, answers).rename_axis("subset from").reset_index()
         frame.insert(0, "pool", here.pool.name)
         frame["evaluations"] = [sum(c.distinct for c in one.counts.values()) for one in answers.values()]
-        frame["reused"] = ["", _against_own(here, {name: a.recipe for name, a in answers.items()})]
+        found.append(_against_own(here, {name: a.recipe for name, a in answers.items()}))
         frames.append(frame)
+    told = iter(corrected([one for one in found if one is not None]))
+    for frame, one in zip(frames, found, strict=True):
+        frame["reused"] = ["", "no benchmark is unseen" if one is None else str(next(told))]
     return pd.concat(frames, ignore_index=True).set_index(["pool", "subset from"])
 
 
-def _against_own(here: Experiment, recipes: Mapping[str, Recipe]) -> str:
-    """The second recipe against the first on the unseen benchmarks' mean, as a sentence."""
+def _against_own(here: Experiment, recipes: Mapping[str, Recipe]) -> Difference | None:
+    """The second recipe against the first on the unseen benchmarks' mean; None without any."""
     own, reused = recipes
     evaluators = [here.scorer(b, here.metric_of(b)) for b in here.reported if b.name not in here.guided]
     if not evaluators:
-        return "no benchmark is unseen"
-    measured = measure_with(evaluators, recipes)
-    return str(paired_difference(measured, reused, own))
+        return None
+    return paired_difference(measure_with(evaluators, recipes), reused, own)
 
 
 def _table(

@@ -106,20 +106,25 @@ class MethodCost:
     runs: int = 1
 
 
-def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -> pd.DataFrame:
+def overhead_table(
+    costs: Sequence[MethodCost], training: Mapping[str, float], joint: float | None = None
+) -> pd.DataFrame:
     """What methods cost beside the fine-tuning of their sources, as in the paper's table of costs.
 
-    The paper divides by the time of joint retraining; what is known here is the time of the trainings the
-    pool is made of, so that the column says so.
+    The paper divides by the time of joint retraining. Where that is known there is a column of it; the
+    overhead to the trainings the pool is made of always has one, and says so.
 
     Args:
         costs: from :func:`~sfkit.analysis.worth.method_costs`.
         training: source -> wall seconds its fine-tuning took, such as ``sfkit.bank.training_seconds()``; on
             the same kind of machine as the methods' wall seconds, or the overhead means nothing.
+        joint: wall seconds of one training on all sources' data, where that was done.
 
     Raises:
         InputError: no training, or one without a positive time.
     """
+    if joint is not None and not joint > 0.0:
+        raise InputError(f"cost: found {joint} seconds of joint retraining, expected a positive number")
     if not training or any(not seconds > 0.0 for seconds in training.values()):
         raise InputError(
             f"cost: found the trainings {dict(training)}, expected positive seconds for each source"
@@ -137,4 +142,9 @@ def overhead_table(costs: Sequence[MethodCost], training: Mapping[str, float]) -
     ]
     columns = ["method", "evaluations", "image passes", "wall seconds", "overhead [%]"]
     table = pd.DataFrame(rows, columns=columns).set_index("method")
+    if joint is not None:
+        row = pd.DataFrame({"wall seconds": [joint]}, index=pd.Index(["joint retraining"], name="method"))
+        table = pd.concat([row, table])[columns[1:]]
+        searches = table["overhead [%]"].notna()
+        table["of joint retraining [%]"] = (100.0 * table["wall seconds"] / joint).where(searches)
     return table.astype({"evaluations": "Int64", "image passes": "Int64"})

@@ -48,6 +48,8 @@ class Study:
             for another.
         verdict: what to deploy, why, and how sure.
         by_hand: reported benchmarks whose scores a person saw while editing; they count as guided.
+        took: wall and CPU seconds of making the study now, the CPU's of this process and its threads; what
+            the store held took nothing. None where nobody measured.
     """
 
     experiment: Experiment
@@ -59,6 +61,18 @@ class Study:
     reference: str
     verdict: Verdict
     by_hand: tuple[SeenByHand, ...] = ()
+    took: tuple[float, float] | None = None
+
+    @property
+    def computing(self) -> str:
+        """What making it took now, wall seconds beside CPU seconds, as a sentence; empty if not measured."""
+        if self.took is None:
+            return ""
+        wall, worked = self.took
+        return (
+            f"Methods and tests took {wall:,.1f} s of wall time now and {worked:,.1f} s of CPU time in this "
+            "process; what the store held took nothing again, and counts below as when it was computed."
+        )
 
     @property
     def chosen(self) -> str:
@@ -216,16 +230,12 @@ class Study:
         """What each method took, all its runs together, for tables and figures."""
         return costs_of(self.runs)
 
-    def overhead_table(self, training: Mapping[str, float]) -> pd.DataFrame:
+    def overhead_table(self, training: Mapping[str, float], joint: float | None = None) -> pd.DataFrame:
         """What each method took beside the fine-tuning of the sources: the paper's table of costs.
 
-        Args:
-            training: source -> seconds its fine-tuning took.
-
-        Raises:
-            InputError: no training, or one without a positive time.
+        Args and errors as :func:`~sfkit.analysis.costs.overhead_table`.
         """
-        return overhead_table(self.costs(), training)
+        return overhead_table(self.costs(), training, joint)
 
 
 def _word(found: Difference | None) -> str:

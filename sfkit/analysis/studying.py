@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -53,6 +54,7 @@ def study(
     _check_reference(reference, methods)
     tested = [one for one in experiment.compared if not one.validation] or experiment.compared
     one_unit([(one.benchmark, one.metric) for one in tested])
+    began, worked = time.perf_counter(), time.process_time()
     used = tuple(experiment.seed + number for number in range(seeds))
     tests = [experiment.scorer(one, experiment.metric_of(one)) for one in experiment.columns]
     settings = with_draws(settings or {}, seeds)
@@ -71,7 +73,9 @@ def study(
     asked = None if reference is None else run.results[reference].label
     comparison, found = _judged(experiment, measured, runs, asked)
     label = comparison.reference
-    return Study(experiment, used, run, runs, measured, comparison, label, found, experiment.by_hand)
+    took = time.perf_counter() - began, time.process_time() - worked
+    by_hand = experiment.by_hand
+    return Study(experiment, used, run, runs, measured, comparison, label, found, by_hand, took)
 
 
 def _check_reference(reference: str | None, methods: Collection[str] | None) -> None:

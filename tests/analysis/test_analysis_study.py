@@ -185,6 +185,9 @@ def test_a_benchmark_whose_scores_a_person_saw_while_editing_is_no_test(experime
 
 
 def test_costs_and_single_sources_have_tables_of_their_own(found: Study) -> None:
+    assert found.took is not None
+    assert found.took[1] > 0.0, "CPU seconds stand beside those of the wall"
+    assert f"{found.took[0]:,.1f} s of wall time" in found.computing
     costs = found.cost_table()
     assert costs.loc["uniform", ["evaluations", "image passes"]].tolist() == [1, 6]
     assert costs.loc["Stage 1", "evaluations"] == 8  # all subsets of two or more, for each of two seeds

@@ -95,6 +95,13 @@ def test_a_method_is_set_beside_the_sources_trainings() -> None:
     assert pd.isna(found.loc["fine-tuning the sources", "evaluations"])
     with pytest.raises(InputError, match="expected positive seconds"):
         overhead_table([both], {})
+    beside = overhead_table([both], {"a": 1500.0, "b": 500.0}, joint=4000.0)
+    assert list(beside.index) == ["joint retraining", "fine-tuning the sources", both.method]
+    assert beside.loc[both.method, "of joint retraining [%]"] == pytest.approx(both.seconds / 40.0)
+    assert beside.loc[both.method, "overhead [%]"] == found.loc[both.method, "overhead [%]"]
+    assert beside["of joint retraining [%]"].isna().tolist() == [True, True, False]
+    with pytest.raises(InputError, match=r"found 0.0 seconds of joint retraining"):
+        overhead_table([both], {"a": 1.0}, joint=0.0)
 
 
 def test_the_papers_overhead_follows_from_its_hours() -> None:
