@@ -44,7 +44,7 @@ FAULTS = (
     "tests/evaluation/test_evaluation_rescue.py",
     "tests/evaluation/test_evaluation_store.py",
     "tests/evaluation/test_evaluation_written.py",
-    "tests/factory/test_factory_places.py",
+    "tests/factory/test_factory_outputs.py",
     "tests/files/test_files_writing.py",
     "tests/merging/test_merging_bound.py",
     "tests/merging/test_merging_kept_buffers.py",

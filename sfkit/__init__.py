@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sfkit import baselines
     from sfkit.architectures import InputConvention, PadSides, register_architecture
     from sfkit.architectures.code import trust_code
-    from sfkit.bank.source_data import open_source_data
+    from sfkit.bank import open_source_data
     from sfkit.checkpoints import FileForm, read_checkpoint
     from sfkit.datasets.benchmark import Benchmark, open_benchmark, open_benchmarks
     from sfkit.datasets.calibration import Calibration, read_calibration

@@ -123,6 +123,17 @@ def paint(values: NDArray[np.floating], limits: tuple[float, float], stops: Stop
     return np.asarray(painted, dtype=np.uint8)
 
 
+def painted_disparity(disparity: NDArray[np.floating], limits: tuple[float, float]) -> NDArray[np.uint8]:
+    """A disparity map (H, W) in pixels as RGB uint8 (H, W, 3); what is not finite is hatched."""
+    return paint(np.where(np.isfinite(disparity), disparity, np.float32(np.nan)), limits, DISPARITY)
+
+
+def painted_error(error: NDArray[np.floating], threshold: float) -> NDArray[np.uint8]:
+    """An error or residual map (H, W) likewise: blue below the threshold, orange beyond; NaN is hatched."""
+    position = np.where(np.isnan(error), np.nan, error_position(error, threshold))
+    return paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
+
+
 @lru_cache(maxsize=8)
 def _table(stops: Stops) -> NDArray[np.uint8]:
     """A colour map as OpenCV wants it: (256, 1, 3), in the order its results shall have."""

@@ -3,7 +3,6 @@
 from sfkit.analysis.ablations import (
     fitness_criteria,
     fitness_metrics,
-    over_seeds,
     selection_across,
     stage_variants,
     subset_transfer,
@@ -48,7 +47,6 @@ from sfkit.analysis.probes import BlockProbes, block_probes, probe_recipes
 from sfkit.analysis.provenance import environment
 from sfkit.analysis.qualitative import qualitative_grid
 from sfkit.analysis.ranking import Ranking, drawn_networks, rank_networks, ranking_table
-from sfkit.analysis.recipes import recipe_table
 from sfkit.analysis.references import reference_columns, reference_rows, with_references
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
 from sfkit.analysis.retraining import (
@@ -70,9 +68,9 @@ from sfkit.analysis.tables import (
     latex_table,
     markdown_table,
     ranks,
+    recipe_table,
     shown,
     source_table,
-    styled,
 )
 from sfkit.analysis.training_curves import TrainingCurve, training_curve
 from sfkit.analysis.trust import Trust, trust, trust_of, trust_sentences
@@ -155,7 +153,6 @@ __all__ = [
     "method_costs",
     "open_joint",
     "outlier_regions",
-    "over_seeds",
     "overhead_table",
     "overlap",
     "paired_difference",
@@ -189,7 +186,6 @@ __all__ = [
     "stage_variants",
     "study",
     "study_against_joint",
-    "styled",
     "subset_transfer",
     "summary",
     "task_vector_geometry",

@@ -189,15 +189,6 @@ STAGES: dict[str, dict[str, Any] | None] = {
 """The variants of :func:`stage_variants`: settings that differ from those of Stage 2's defaults."""
 
 
-def over_seeds(table: pd.DataFrame) -> pd.DataFrame:
-    """Mean and range over the seeds of :func:`stage_variants`: a row a variant, columns (name, statistic)."""
-    numbers = table.select_dtypes("number")
-    grouped = numbers.groupby(level="variant", sort=False)
-    return pd.concat(
-        {"mean": grouped.mean(), "lowest": grouped.min(), "highest": grouped.max()}, axis=1
-    ).swaplevel(axis=1)[[(column, s) for column in numbers for s in ("mean", "lowest", "highest")]]
-
-
 def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
     """Does a subset found on one pool serve another of the same source names? (Table "Reusable-subset".)
 

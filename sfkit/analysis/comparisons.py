@@ -277,9 +277,9 @@ def _row(
     guides = [one for one in measured if one.validation]
     tests = [one for one in measured if not one.validation]
     spread = seed_spread(tests or guides, runs, metric=metric) if len(runs) > 1 else None
-    scores = tuple(_mean(one.score(run, metric=metric) for run in runs) for one in measured)
+    scores = tuple(mean_of(one.score(run, metric=metric) for run in runs) for one in measured)
     by_name = dict(zip((one.benchmark for one in measured), scores, strict=True))
-    guided, unseen = (_mean(by_name[one.benchmark] for one in group) for group in (guides, tests))
+    guided, unseen = (mean_of(by_name[one.benchmark] for one in group) for group in (guides, tests))
     if len({Metric.parse(metric or one.metric).kind for one in measured}) > 1:
         guided = math.nan  # a guide by census stands in no distance to errors
     if name == reference:
@@ -295,6 +295,7 @@ def _row(
     return ComparedNetwork(name, scores, guided, unseen, differences, on_guided, on_unseen, spread)
 
 
-def _mean(values: Iterable[float]) -> float:
+def mean_of(values: Iterable[float]) -> float:
+    """The mean; NaN of nothing."""
     listed = list(values)
     return math.fsum(listed) / len(listed) if listed else math.nan

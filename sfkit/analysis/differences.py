@@ -171,7 +171,8 @@ def outlier_regions(error: Map, threshold: float, *, most: int = 12) -> tuple[Ou
     while waiting:
         part, level = waiting.popleft()
         region = _region(error, part, level)
-        halves = _split(error, part, 2 * level) if _large(region, error.shape) else []
+        large = region.width > LARGE_SHARE * error.shape[1] or region.height > LARGE_SHARE * error.shape[0]
+        halves = _split(error, part, 2 * level) if large else []
         waiting.extend((half, 2 * level) for half in halves)
         if not halves:
             found.append(region)
@@ -214,7 +215,3 @@ def _region(error: Map, part: Pixels, level: float) -> OutlierRegion:
         worst=float(values[peak]),
         peak=(int(columns[peak]), int(rows[peak])),
     )
-
-
-def _large(region: OutlierRegion, shape: tuple[int, ...]) -> bool:
-    return region.width > LARGE_SHARE * shape[1] or region.height > LARGE_SHARE * shape[0]

@@ -12,8 +12,7 @@ from typing import Any
 from sfkit.datasets.metric import with_unit
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.operators import SMALLEST
-from sfkit.search.run_names import recorded_metrics
-from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs
+from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs, recorded_metrics
 
 
 @dataclass(frozen=True)

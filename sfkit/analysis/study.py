@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import pandas as pd
 
-from sfkit.analysis.comparisons import NetworkComparison
+from sfkit.analysis.comparisons import NetworkComparison, mean_of
 from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.headed import MEAN, UNSEEN, with_means
@@ -118,7 +118,7 @@ class Study:
 
     def mean(self, network: str) -> float:
         """A network's mean score over the unseen benchmarks; over all where none is unseen."""
-        return _mean(one.score(network) for one in self.unseen or self.measured)
+        return mean_of(one.score(network) for one in self.unseen or self.measured)
 
     def selection(self) -> SelectionStatistics:
         """Which sources the seeds of the two stages chose, and with what weight."""
@@ -182,7 +182,7 @@ class Study:
                 "benchmark": one.benchmark,
                 "metric": one.metric,
                 "unit": one.unit,
-                "score": _mean(one.score(name) for name in names),
+                "score": mean_of(one.score(name) for name in names),
                 "role": "validation" if one.validation else "reported",
             }
             for one in self.measured
@@ -244,11 +244,6 @@ def _word(found: Difference | None) -> str:
     if found.word is Judgement.UNKNOWN:
         return f"{found.word}: {found.reason}"
     return str(found.word)
-
-
-def _mean(values: Iterable[float]) -> float:
-    listed = list(values)
-    return math.fsum(listed) / len(listed) if listed else math.nan
 
 
 def _shown(value: object) -> str:

@@ -17,12 +17,12 @@ from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.separation import column_name
 from sfkit.evaluation.table import write_table
 from sfkit.files import write_text
+from sfkit.merging.recipe import Recipe
 
 if TYPE_CHECKING:
     from pandas.io.formats.style import Styler
 
 BEST, SECOND = "best", "second"
-_CSS = {BEST: "font-weight: bold", SECOND: "text-decoration: underline"}
 _SPECIAL = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -58,6 +58,15 @@ def source_table(measured: Sequence[Measured], *, metric: str | None = None) -> 
     return table
 
 
+def recipe_table(recipe: Recipe) -> pd.DataFrame:
+    """A row a block: the weight of each source (0 to 1, of the base where nothing is mixed) and the scale."""
+    rows = [
+        {**dict(zip(recipe.sources, weights, strict=True)), "scale": scale}
+        for weights, scale in zip(recipe.weights, recipe.scales, strict=True)
+    ]
+    return pd.DataFrame(rows, index=pd.Index(recipe.blocks, name="block"))
+
+
 def ranks(
     table: pd.DataFrame,
     *,
@@ -91,15 +100,6 @@ def _ranked(line: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[str]:
     levels = sorted(set(line[np.isfinite(line)].tolist()))
     words = dict(zip(levels, (BEST, SECOND), strict=False))
     return [words.get(float(value), "") for value in line]
-
-
-def styled(
-    table: pd.DataFrame, *, along: str = "row", columns: Sequence[str] | None = None, digits: int = 2
-) -> Styler:
-    """The table for a notebook: best bold, second best underlined, numbers with ``digits`` decimals."""
-    marks = ranks(table, along=along, columns=columns)
-    css = marks.map(lambda mark: _CSS.get(mark, ""))
-    return shown(table, digits=digits).apply(lambda _: css, axis=None)
 
 
 def shown(table: pd.DataFrame, *, digits: int = 2) -> Styler:

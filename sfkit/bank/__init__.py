@@ -16,7 +16,8 @@ from sfkit.bank.build import build
 from sfkit.bank.plan import BANK, BANKS, bank_plan, banks
 from sfkit.bank.rendered import benchmark, benchmarks, held_out
 from sfkit.bank.sharp import JOINT
-from sfkit.datasets.benchmark import register_benchmarks
+from sfkit.datasets.benchmark import open_benchmarks, register_benchmarks
+from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
 from sfkit.errors import InputError
 from sfkit.merging.opening import register_pool
@@ -115,3 +116,27 @@ for _name in banks():
     register_pool(_name, pool_path(_name))
 for _name in sorted({plan.benchmarks for plan in BANKS.values()}):
     register_benchmarks(_name, benchmarks(), partial(benchmark, of=_name))
+
+
+def open_source_data(
+    entries: str | Mapping[str, str | Mapping[str, Any]], *, pairs: int = 4
+) -> dict[str, Benchmark]:
+    """Open what sources were fine-tuned on, for :func:`sfkit.analysis.data_similarity`: source -> pairs.
+
+    Args:
+        entries: a bank's name, such as ``"bank"``, for held-out pairs of its domains; else source name ->
+            entry as for :func:`sfkit.open_benchmarks`.
+        pairs: the first so many pairs of each.
+
+    Raises:
+        InputError: another word, or as :func:`sfkit.open_benchmarks` says.
+    """
+    if not isinstance(entries, Mapping):
+        if entries not in banks():
+            raise InputError(
+                f"source data: found {entries!r}, expected {' or '.join(map(repr, banks()))}, or "
+                "source -> benchmark"
+            )
+        return {name: held_out(name, pairs, of=entries) for name in training_seconds(entries)}
+    opened = open_benchmarks(entries.values())
+    return {source: each.first(pairs) for source, each in zip(entries, opened, strict=True)}

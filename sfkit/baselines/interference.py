@@ -110,7 +110,8 @@ def _drawn(
     found: dict[tuple[float, float], list[tuple[float, Network]]] = {}
     for probability, draw in product(probabilities, range(draws)):
         with trials.timed():
-            pool = prepare(trials.pool, Drop(probability, draw_seed(seed, draw)), last)
+            # No two runs with different seeds share a draw's, for up to a thousand draws.
+            pool = prepare(trials.pool, Drop(probability, 1000 * seed + draw), last)
         recipes = [_strong(pool, strength) for strength in lambdas]
         about = [{"probability": probability, "lambda": s, "draw": draw} for s in lambdas]
         for strength, recipe, score in zip(
@@ -131,11 +132,6 @@ def _drawn(
         networks,
         f"validation {mean:.3f}{spread} over {draws} draw{'s' * (draws > 1)}",
     )
-
-
-def draw_seed(seed: int, draw: int) -> int:
-    """The seed of one draw: no two runs with different seeds share one, for up to a thousand draws."""
-    return 1000 * seed + draw
 
 
 def _strong(pool: Pool, strength: float) -> Recipe:

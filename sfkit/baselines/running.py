@@ -60,7 +60,8 @@ def run_baselines(
     Raises:
         InputError: an unknown method or setting, or a named method does not suit.
     """
-    chosen = [baseline_named(name) for name in (_usual() if names is None else names)]
+    chosen = [baseline_named(name) for name in (baselines() if names is None else names)]
+    chosen = [entry for entry in chosen if names is not None or not entry.on_request]
     own = settings or {}
     for name in own:
         baseline_named(name)
@@ -128,10 +129,6 @@ def score_baselines(
         for result in run.results.values()
     ]
     return pd.concat(parts, ignore_index=True)
-
-
-def _usual() -> list[str]:
-    return [name for name in baselines() if not baseline_named(name).on_request]
 
 
 def _settings(entry: Baseline[Any], shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:

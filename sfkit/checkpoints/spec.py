@@ -39,9 +39,9 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.layouts import Wrapping
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError
 from sfkit.files import trouble
-from sfkit.outside import read_toml
+from sfkit.outside import read_toml, table
 
 _WRAPPING = ("container", "prefix")
 _KEYS = ("name", "architecture", "module", "root", "options", "base", "sources", "blocks", *_WRAPPING)
@@ -105,9 +105,7 @@ def read_pool_spec(path: str | Path) -> PoolSpec:
 
 
 def _spec(values: dict[str, Any], path: Path) -> PoolSpec:
-    for key in values:
-        if key not in _KEYS:
-            raise unknown_name(f"key of {path}", key, _KEYS)
+    values = table(values, str(path), _KEYS)
     root = _root(values.get("root", "."), path)
     common = _wrapping(values, path, "", Wrapping())
     sources = _table(values, "sources", path)
@@ -151,9 +149,7 @@ def _member(name: str, entry: object, root: Path, path: Path, where: str, common
         raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
     if not isinstance(entry, dict):
         raise InputError(f"{path}: {where} is {entry!r}, expected a table with file and licence")
-    for key in entry:
-        if key not in _MEMBER_KEYS:
-            raise unknown_name(f"key of [{where}] in {path}", key, _MEMBER_KEYS)
+    entry = table(entry, f"[{where}] in {path}", _MEMBER_KEYS)
     text = _text(entry, "file", path, where)
     if "\0" in text:
         raise InputError(f"{path}: {where}.file is {text!r}, expected a path")

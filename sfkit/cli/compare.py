@@ -105,7 +105,7 @@ def _called(first: Path, second: Path) -> tuple[str, str]:
 
 def _files(folder: Path, pair: str) -> dict[str, Path]:
     """Picture -> its file."""
-    from sfkit.figures.pair_pictures import PICTURES
+    from sfkit.figures.differences import PICTURES
 
     stem = pair.replace("/", "_").replace("\\", "_")
     return {name: folder / f"{stem}_{name}.png" for name in PICTURES}
@@ -124,7 +124,7 @@ def _write(panels: DisparityPanels, a: str, b: str, folder: Path) -> Iterable[Pa
 
     from sfkit.analysis.differences import advantage_panels
     from sfkit.datasets.formats import write_png
-    from sfkit.figures.pair_pictures import pair_pictures
+    from sfkit.figures.differences import pair_pictures
 
     files = _files(folder, panels.pair)
     for name, picture in pair_pictures(advantage_panels(panels, a, b)).items():

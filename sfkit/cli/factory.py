@@ -59,7 +59,7 @@ def run(
     from sfkit.factory import read_factory, report_values
     from sfkit.factory import run as run_factory
     from sfkit.factory.file import JOINT
-    from sfkit.factory.places import COSTS, POOL, SCORES, SEARCH, STORE, ensure_own
+    from sfkit.factory.outputs import COSTS, POOL, SCORES, SEARCH, STORE, ensure_own
     from sfkit.search.run_folder import LOCK, OUTPUTS
     from sfkit.search.run_folder import SEARCH as SEARCH_RECORD
 

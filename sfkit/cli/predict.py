@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.checkpoints.headers import ensure_checkpoint
-from sfkit.cli.following import followed
 from sfkit.cli.options import (
     ArchitectureOption,
     DeviceOption,
@@ -22,6 +21,7 @@ from sfkit.cli.options import (
     network_options,
     say,
 )
+from sfkit.cli.terminal import followed
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:

@@ -33,8 +33,7 @@ def list_runs(
     """
     from sfkit.cli import tables
     from sfkit.datasets.metric import with_unit
-    from sfkit.search.run_names import recorded_benchmarks, recorded_metrics
-    from sfkit.search.runs import find_runs, run_rows
+    from sfkit.search.runs import find_runs, recorded_benchmarks, recorded_metrics, run_rows
 
     runs = find_runs(root)
     metrics = {str(run.folder): recorded_metrics(run.folder, with_unit) for run in runs}

@@ -10,13 +10,15 @@ import os
 import re
 import sys
 import threading
-from typing import TYPE_CHECKING, TextIO
+from collections.abc import Callable, Iterable, Iterator
+from typing import TYPE_CHECKING, TextIO, TypeVar
 
 import typer
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
+Piece = TypeVar("Piece")
 # Control characters but for tab and line feed, marks that turn the order of letters, bytes that are no UTF-8.
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 _COLOURS = {"error": "red", "warning": "yellow", "better": "green", "worse": "red", "within noise": "yellow"}
@@ -144,3 +146,22 @@ class Bars:
     def _close(self, *steps: str) -> None:
         for step in steps:
             _shown.pop(step).close()
+
+
+def followed(
+    pieces: Iterable[Piece], line: Callable[[int, Piece], str | None], *, total: int | None, what: str
+) -> Iterator[Piece]:
+    """Pass the pieces on as they come, and say each on standard error.
+
+    Args:
+        pieces: what is made one after another.
+        line: the number of a piece, from 1, and the piece -> what is said of it; None for nothing.
+        total: how many there will be; None where nobody knows.
+        what: stands before the bar.
+    """
+    with Bars() as bars:
+        for number, piece in enumerate(pieces, 1):
+            if (text := line(number, piece)) is not None:
+                say(text)
+            bars(what, number, total)
+            yield piece

@@ -61,10 +61,10 @@ def guide_of(
     Raises:
         InputError: a benchmark cannot be evaluated as it is, or their metrics cannot be combined.
     """
-    from sfkit.evaluation import CombinedScorer, Evaluator
+    from sfkit.evaluation import Evaluator
+    from sfkit.evaluation.combining import combined
 
-    evaluators = [Evaluator(pool, guide, compute=compute) for guide in guides]
-    return evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, combine)
+    return combined([Evaluator(pool, guide, compute=compute) for guide in guides], combine)
 
 
 @contextmanager
@@ -94,10 +94,10 @@ def scoring(
         if not isinstance(guide, CombinedScorer):
             yield evaluators, evaluators[0]
             return
-        combined = CombinedScorer(evaluators, guide.how)
-        if combined.changes is not None:
-            say(f"guided by: {combined.how} {LABEL} (metrics with and without ground truth)")
-        yield evaluators, combined
+        together = CombinedScorer(evaluators, guide.how)
+        if together.changes is not None:
+            say(f"guided by: {together.how} {LABEL} (metrics with and without ground truth)")
+        yield evaluators, together
 
 
 def described(guides: Sequence[Benchmark], combine: str) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layouts
 from sfkit.errors import InputError, unknown_name
-from sfkit.outside import read_toml
+from sfkit.outside import read_toml, table
 
 
 @dataclass(frozen=True)
@@ -142,8 +142,4 @@ def _layout(path: Path, entry: dict[str, Any]) -> SourceLayout:
 
 
 def _record(path: Path, cls: type[Any], data: Mapping[str, Any]) -> Any:
-    allowed = [f.name for f in fields(cls)]
-    for key in data:
-        if key not in allowed:
-            raise unknown_name(f"key of {path}", key, allowed)
-    return made(path, cls, data)
+    return made(path, cls, table(data, str(path), [f.name for f in fields(cls)]))

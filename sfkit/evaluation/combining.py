@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
+from sfkit.datasets.benchmark import Benchmark
+from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.changes import Changes
 from sfkit.evaluation.evaluator import Evaluator
@@ -102,3 +105,29 @@ def evaluators_of(scorer: Scorer) -> tuple[Evaluator, ...]:
     """The evaluator, or those that are combined; a scorer of another kind is none."""
     parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
     return tuple(part for part in parts if isinstance(part, Evaluator))
+
+
+def combined(evaluators: Sequence[Evaluator], how: str = "mean") -> Evaluator | CombinedScorer:
+    """What validation benchmarks say together: of one it is the evaluator itself."""
+    return evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, how)
+
+
+def validation_scorer(
+    pool: Pool, benchmarks: Benchmark | Sequence[Benchmark], *, how: str = "mean", **options: Any
+) -> Evaluator | CombinedScorer:
+    """The scorer of a search over a pool.
+
+    Args:
+        pool: whose networks are merged.
+        benchmarks: one, or several, each measured by the first one's metric; those measured
+            with ground truth beside one measured without keep their own (see :class:`CombinedScorer`).
+        how: of several, their ``"mean"`` or the ``"worst"`` of them.
+        options: of each :class:`~sfkit.evaluation.evaluator.Evaluator`, such as ``store``.
+
+    Raises:
+        InputError: no benchmark, or another word than these; and as ``Evaluator`` says.
+    """
+    guides = (benchmarks,) if isinstance(benchmarks, Benchmark) else tuple(benchmarks)
+    if guides and len({Metric.parse(guide.metric).needs_truth for guide in guides}) == 1:
+        options = {"metric": guides[0].metric, **options}
+    return combined([Evaluator(pool, guide, **options) for guide in guides], how)

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from sfkit.colours import DISPARITY, SHARE, paint, range_of
+from sfkit.colours import SHARE, paint, painted_disparity, range_of
 from sfkit.merging.network import LoadedNetwork
 
 Image = NDArray[np.uint8]
@@ -47,8 +47,7 @@ def preview_of(disparity: Map, limits: tuple[float, float] | None = None) -> Ima
         disparity: (H, W) in pixels.
         limits: disparities at the ends of the colours; without, the 1st and the 99th percentile.
     """
-    known = np.where(np.isfinite(disparity), disparity, np.float32(np.nan))
-    return paint(known, limits or range_of(disparity), DISPARITY)
+    return painted_disparity(disparity, limits or range_of(disparity))
 
 
 def overview_of(

@@ -149,8 +149,7 @@ def read_factory(path: str | Path) -> Factory:
             test is the validation benchmark, or the architecture is not known or its code not trusted.
     """
     path = Path(path)
-    values = read_toml(path)
-    _known(f"key of {path}", values, (*KEYS, "search"))
+    values = table(read_toml(path), str(path), (*KEYS, "search"))
     for key in ("name", "base", "architecture", "sources", "validation"):
         if not values.get(key):
             raise InputError(f"{path}: the key {key} is missing, expected it")
@@ -159,8 +158,7 @@ def read_factory(path: str | Path) -> Factory:
     name = text(values["architecture"], f"{path}: architecture")
     module = here.resolve() / home(text(values["module"], f"{path}: module")) if "module" in values else None
     entry = entry_for(name, module, here.resolve())
-    common, search = tables["training"], tables["search"]
-    _known(f"key of [search] in {path}", search, SEARCH_KEYS)
+    common, search = tables["training"], table(tables["search"], f"[search] in {path}", SEARCH_KEYS)
     combine = search.get("combine", COMBINATIONS[0])
     if combine not in COMBINATIONS:
         raise unknown_name(f"combine of [search] in {path}", str(combine), COMBINATIONS)
@@ -199,7 +197,7 @@ def read_factory(path: str | Path) -> Factory:
 
 def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, Any]) -> Order:
     where = f"[sources.{name}] in {path}"
-    _known(f"key of {where}", entry, SOURCE_KEYS)
+    table(entry, where, SOURCE_KEYS)
     if not SOURCE_NAME.fullmatch(name):
         raise InputError(f"{path}: source name {name!r}, expected letters, digits and _ . - only")
     if name in TAKEN:
@@ -277,9 +275,3 @@ def _truth(values: Mapping[str, Any], key: str, where: str) -> bool:
     if not isinstance(value, bool):
         raise InputError(f"{where}: {key}: found {value!r}, expected true or false")
     return value
-
-
-def _known(what: str, values: Mapping[str, Any], allowed: tuple[str, ...]) -> None:
-    for key in values:
-        if key not in allowed:
-            raise unknown_name(what, key, allowed)

@@ -17,10 +17,10 @@ from sfkit.analysis.trust import Trust, trust_of
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import SfkitWarning
-from sfkit.evaluation import CombinedScorer, Compute, EvaluationStore, Evaluator
-from sfkit.evaluation.outcome import Scorer
+from sfkit.evaluation import Compute, EvaluationStore, Evaluator
+from sfkit.evaluation.combining import combined
 from sfkit.factory.file import JOINT, MERGED, SEARCHED, Factory
-from sfkit.factory.places import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
+from sfkit.factory.outputs import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
 from sfkit.factory.status import Item, files_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
@@ -120,7 +120,7 @@ def run(
     with EvaluationStore(factory.out / STORE) as store:
         before = len(store)
         guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
-        scorer: Scorer = guides[0] if len(guides) == 1 else CombinedScorer(guides, factory.combine)
+        scorer = combined(guides, factory.combine)
         # A source that was added makes another search, whose result is to take the former one's place.
         most = factory.plan.candidates(pool)
 

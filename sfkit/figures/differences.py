@@ -1,19 +1,24 @@
-"""Where is one network better than another? The signed map of two error maps."""
+"""Where is one network better than another? The signed map of two error maps, in a figure and as files."""
 
 from __future__ import annotations
 
 from html import escape
 
+import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.differences import AdvantagePanels
-from sfkit.colours import ERROR, averaged, embedded, paint, picked
+from sfkit.colours import ERROR, averaged, embedded, paint, painted_disparity, painted_error, picked
 from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
 from sfkit.figures.theme import finish
 
 ADVANTAGE_SPAN = 4.0
 """A map of differences runs from -4 to 4 times the threshold."""
+
+PICTURES = ("a_disparity", "b_disparity", "a_error", "b_error", "better")
+"""Of a pair: what both networks predict in one colour range, where each is wrong, and where b is nearer."""
 
 
 def advantage_figure(
@@ -65,3 +70,18 @@ def advantage_figure(
         margin={"l": 20, "r": 120, "t": 104, "b": 10},
         showlegend=False,
     )
+
+
+def pair_pictures(panels: AdvantagePanels) -> dict[str, NDArray[np.uint8]]:
+    """The pictures of ``PICTURES``, each (H, W, 3) RGB uint8; a is the reference, b the other network.
+
+    Errors are blue below the threshold and orange above. ``better`` is blue where b is nearer to the ground
+    truth, orange where a is. What has no value is hatched grey.
+    """
+    pair, span = panels.pair, ADVANTAGE_SPAN * panels.pair.threshold
+    maps = {network.name: network for network in pair.networks}
+    a, b = maps[panels.reference], maps[panels.network]
+    better = paint(panels.advantage.difference, (-span, span), ERROR)
+    disparities = (painted_disparity(one.disparity, pair.limits) for one in (a, b))
+    errors = (painted_error(one.error, pair.threshold) for one in (a, b))
+    return dict(zip(PICTURES, (*disparities, *errors, better), strict=True))

@@ -16,8 +16,9 @@ from sfkit.colours import (
     ERROR_SPAN,
     averaged,
     embedded,
-    error_position,
     paint,
+    painted_disparity,
+    painted_error,
     picked,
 )
 from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
@@ -94,11 +95,8 @@ def _network(
     figure: go.Figure, panels: DisparityPanels, network: NetworkMaps, row: int, resolution: int
 ) -> None:
     size = panels.truth.shape
-    seen = np.where(np.isfinite(network.disparity), network.disparity, np.float32(np.nan))
-    disparity = paint(picked(seen, resolution), panels.limits, DISPARITY)
-    error = picked(network.error, resolution)
-    position = np.where(np.isnan(error), np.nan, error_position(error, panels.threshold))
-    wrong = paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
+    disparity = painted_disparity(picked(network.disparity, resolution), panels.limits)
+    wrong = painted_error(picked(network.error, resolution), panels.threshold)
     add_picture(figure, size, embedded(disparity), row, 1, f"{network.name}: disparity")
     add_picture(figure, size, embedded(wrong), row, 2, f"{network.name}: {panels.kind.name}")
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
@@ -113,22 +114,31 @@ def _score_over_time(figure: go.Figure, history: PopulationHistory) -> None:
 def _membership(
     figure: go.Figure, history: PopulationHistory, shown: Sequence[Individual], theme: str
 ) -> None:
-    faint = LOOKS[read_theme(theme)].faint
+    texts = [_described(one, history.metric) for one in shown]
+    _marks(figure, history.sources, shown, texts, theme, name="membership", ygap=1, row=2, col=1)
+
+
+def _marks(
+    figure: go.Figure,
+    sources: Sequence[str],
+    people: Sequence[Individual],
+    texts: Sequence[str],
+    theme: str,
+    **where: Any,
+) -> None:
+    """A row an individual, a column a source: filled where its subset has it."""
     figure.add_heatmap(
-        x=list(history.sources),
-        y=list(range(1, len(shown) + 1)),
-        z=[[int(name in one.subset) for name in history.sources] for one in shown],
+        x=list(sources),
+        y=list(range(1, len(people) + 1)),
+        z=[[int(name in one.subset) for name in sources] for one in people],
         zmin=0,
         zmax=1,
-        colorscale=[[0, faint], [1, ACCENT]],
+        colorscale=[[0, LOOKS[read_theme(theme)].faint], [1, ACCENT]],
         showscale=False,
         xgap=2,
-        ygap=1,
-        name="membership",
-        text=[[_described(one, history.metric)] * len(history.sources) for one in shown],
+        text=[[text] * len(sources) for text in texts],
         hovertemplate="%{text}<extra></extra>",
-        row=2,
-        col=1,
+        **where,
     )
 
 
@@ -219,7 +229,7 @@ def evolution_figure(
         _over_time(figure, 1, name, values, line)
     _over_time(figure, 2, "diversity", evolution.diversity, {"color": ACCENT, "width": 2})
     best = evolution.archive[:archive]
-    _archive(figure, evolution, best, LOOKS[read_theme(theme)].faint)
+    _archive(figure, evolution, best, theme)
     generations = whole_ticks(0, evolution.history.generations - 1)
     figure.update_xaxes(tickvals=generations, col=1)
     figure.update_xaxes(matches="x3", showticklabels=False, row=1, col=1)
@@ -259,29 +269,14 @@ def _over_time(
     )
 
 
-def _archive(figure: go.Figure, evolution: Evolution, best: tuple[int, ...], faint: str) -> None:
+def _archive(figure: go.Figure, evolution: Evolution, best: tuple[int, ...], theme: str) -> None:
     """Rows of membership marks, labelled with rank and score."""
-    sources, metric = evolution.history.sources, evolution.history.metric
     people = [evolution.individuals[number] for number in best]
-    ranks = list(range(1, len(people) + 1))
-    figure.add_heatmap(
-        x=list(sources),
-        y=ranks,
-        z=[[int(name in one.subset) for name in sources] for one in people],
-        zmin=0,
-        zmax=1,
-        colorscale=[[0, faint], [1, ACCENT]],
-        showscale=False,
-        xgap=2,
-        ygap=2,
-        name="archive",
-        text=[[", ".join(one.subset)] * len(sources) for one in people],
-        hovertemplate="%{text}<extra></extra>",
-        row=1,
-        col=2,
-    )
-    words = [f"{rank}: {score_text(metric, one.score)}" for rank, one in zip(ranks, people, strict=True)]
-    figure.update_yaxes(tickvals=ranks, ticktext=words, row=1, col=2)
+    texts = [", ".join(one.subset) for one in people]
+    _marks(figure, evolution.history.sources, people, texts, theme, name="archive", ygap=2, row=1, col=2)
+    scores = [score_text(evolution.history.metric, one.score) for one in people]
+    words = [f"{rank}: {score}" for rank, score in enumerate(scores, 1)]
+    figure.update_yaxes(tickvals=list(range(1, len(words) + 1)), ticktext=words, row=1, col=2)
 
 
 def _settled(evolution: Evolution) -> str:

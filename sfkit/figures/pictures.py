@@ -6,6 +6,9 @@ import plotly.graph_objects as go
 
 from sfkit.colours import Stops, plotly_scale
 
+BARE = {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
+"""Axes of a picture."""
+
 
 def add_picture(
     figure: go.Figure, size: tuple[int, int], source: str, row: int, column: int, name: str
@@ -33,9 +36,8 @@ def add_picture(
 def frame_pictures(figure: go.Figure, size: tuple[int, int]) -> None:
     """Bare axes in pixels of the pair (H, W), rows downwards, all at one scale."""
     height, width = size
-    bare = {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
-    figure.update_xaxes(range=[0, width], constrain="domain", **bare)
-    figure.update_yaxes(range=[height, 0], constrain="domain", **bare)
+    figure.update_xaxes(range=[0, width], constrain="domain", **BARE)
+    figure.update_yaxes(range=[height, 0], constrain="domain", **BARE)
     for axis in figure.select_yaxes():
         if axis.matches is None:  # plotly ignores, and warns of, a scale on axes that follow another
             axis.update(scaleanchor=axis.anchor, scaleratio=1)

@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.disparities import DisparityPanels
 from sfkit.analysis.labels import score_text
-from sfkit.colours import DISPARITY, averaged, embedded, paint, picked
+from sfkit.colours import averaged, embedded, painted_disparity, picked
 from sfkit.errors import InputError
-from sfkit.figures.pictures import add_picture
+from sfkit.figures.pictures import BARE, add_picture
 from sfkit.figures.theme import finish
 
 ROW = 150
@@ -53,8 +52,7 @@ def qualitative_figure(
         photograph = embedded(averaged(row.left, resolution), photograph=True)
         add_picture(figure, size, photograph, number, 1, "image")
         for column, one in enumerate(row.networks, start=2):
-            seen = np.where(np.isfinite(one.disparity), one.disparity, np.float32(np.nan))
-            painted = embedded(paint(picked(seen, resolution), row.limits, DISPARITY))
+            painted = embedded(painted_disparity(picked(one.disparity, resolution), row.limits))
             add_picture(figure, size, painted, number, column, one.name)
         for column in range(1, 2 + len(names)):
             _frame(figure, size, number, column)
@@ -80,7 +78,6 @@ def _titles(row: DisparityPanels) -> list[str]:
 
 def _frame(figure: go.Figure, size: tuple[int, int], row: int, column: int) -> None:
     """Bare axes in pixels of the pair, stretched to the cell, as the paper's figure does."""
-    bare = {"showticklabels": False, "ticks": "", "showgrid": False, "showline": False}
-    figure.update_xaxes(range=[0, size[1]], row=row, col=column, **bare)
-    figure.update_yaxes(range=[size[0], 0], row=row, col=column, **bare)
+    figure.update_xaxes(range=[0, size[1]], row=row, col=column, **BARE)
+    figure.update_yaxes(range=[size[0], 0], row=row, col=column, **BARE)
     figure.add_scatter(x=[None], y=[None], hoverinfo="skip", row=row, col=column)

@@ -111,10 +111,6 @@ def scales_figure(trace: RoutingTrace, *, theme: str = "auto", height: int | Non
     )
 
 
-def _text_colour(weight: float) -> str:
-    return text_on(colour_at(SHARE, share_position(weight)))
-
-
 def _chosen(trace: RoutingTrace, evaluation: int | None) -> int:
     if evaluation is None and trace.best < 0:
         raise InputError("routing: found no evaluation with a finite score, expected one: name evaluation=0")
@@ -150,7 +146,7 @@ def _heatmap(figure: go.Figure, trace: RoutingTrace, chosen: int) -> None:
         y=[rows[b] for _, b in cells],
         text=[f"{weights[b, e]:.2f}" for e, b in cells],
         mode="text",
-        textfont={"color": [_text_colour(float(weights[b, e])) for e, b in cells]},
+        textfont={"color": [text_on(colour_at(SHARE, share_position(weights[b, e]))) for e, b in cells]},
         hoverinfo="skip",
         showlegend=False,
         name="weight in figures",

@@ -225,7 +225,9 @@ def published_table(label: str) -> PublishedTable:
     )
     cells = [row[len(keys) :] for row in rows]
     values = pd.DataFrame([[_value(c) for c in row] for row in cells], index=index, columns=list(columns))
-    marks = pd.DataFrame([[_mark(c) for c in row] for row in cells], index=index, columns=list(columns))
+    said = {"*": "best", "_": "second"}
+    found = [[said.get(cell[:1], "") for cell in row] for row in cells]
+    marks = pd.DataFrame(found, index=index, columns=list(columns))
     return PublishedTable(label, about, values, marks)
 
 
@@ -248,10 +250,6 @@ def numbers(label: str) -> dict[tuple[Key, str], float]:
     rows: list[Key] = [name if isinstance(name, tuple) else str(name) for name in table.index]
     cells = zip(((r, str(c)) for r in rows for c in table.columns), table.to_numpy().ravel(), strict=True)
     return {place: float(cell) for place, cell in cells if isinstance(cell, float)}
-
-
-def _mark(cell: str) -> str:
-    return {"*": "best", "_": "second"}.get(cell[:1], "")
 
 
 def _value(cell: str) -> float | str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sfkit.errors import InputError, SfkitWarning, nearest
+from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, read_journal
+from sfkit.search.run_folder import NAMES, SEARCH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -198,3 +200,30 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, An
             yield from _flat(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def recorded_metrics(path: Path, label: Callable[[str], str]) -> str | None:
+    """The metrics that guided the search of a folder, as ``label`` has each; None where it does not say them.
+
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where what should say so cannot be read: one damaged search
+    keeps nobody from looking at the others.
+    """
+    try:
+        return ", ".join(map(label, _recorded(path, "metrics"))) or None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        told = f"{path / SEARCH}: does not say which search this is ({error})"
+        warnings.warn(told, SfkitWarning, stacklevel=2)
+        return None
+
+
+def recorded_benchmarks(path: Path) -> str | None:
+    """The names of the benchmarks that guided the search of a folder; None where it does not say them."""
+    try:
+        return ", ".join(map(str, _recorded(path, NAMES))) or None
+    except (InputError, KeyError, TypeError):  # of an earlier version, or damaged, which metrics tell
+        return None
+
+
+def _recorded(path: Path, key: str) -> list[str]:
+    record = path / SEARCH
+    return list(read_json(record)[key]) if record.is_file() else []

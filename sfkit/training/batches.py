@@ -1,20 +1,27 @@
-"""A step's pairs, read, changed and stacked; a file that cannot be read is named, replaced and counted."""
+"""A step's pairs, read, changed and stacked; a file that cannot be read is named, replaced and counted.
+
+Which pairs a step sees, and every random number about them, are functions of seed, epoch and pair alone:
+nothing depends on worker, process or history, so a resumed or differently parallel training sees the same.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import groupby
 
 import numpy as np
 import torch
+from numpy.random import Generator
+from numpy.typing import NDArray
 
 from sfkit.architectures import InputConvention
 from sfkit.datasets.pairs import Pair
 from sfkit.errors import InputError
+from sfkit.streams import Stream, generator
 from sfkit.training.augment import Example, augment
-from sfkit.training.drawing import changes, draw, successor
 from sfkit.training.settings import TrainingSettings
 
 
@@ -110,3 +117,25 @@ def _tensors(
         right=torch.cat([p.right for p in prepared]).to(device),
         truth=torch.from_numpy(truth).to(device),
     )
+
+
+def draw(seed: int, position: int, pairs: int) -> tuple[int, int]:
+    """(epoch, index) of the pair at ``position`` of the stream of epochs, each in an order of its own."""
+    epoch, within = divmod(position, pairs)
+    return epoch, int(_order(seed, epoch, pairs)[within])
+
+
+def successor(seed: int, position: int, pairs: int, tried: int) -> tuple[int, int]:
+    """In the place of a pair that cannot be read: the ``tried``-th next one of the epoch's order."""
+    epoch, within = divmod(position, pairs)
+    return epoch, int(_order(seed, epoch, pairs)[(within + tried) % pairs])
+
+
+def changes(seed: int, epoch: int, index: int) -> Generator:
+    """The generator of crop, colours and boxes of a pair in an epoch."""
+    return generator(seed, Stream.TRAINING_CHANGES, epoch, index)
+
+
+@lru_cache(maxsize=4)
+def _order(seed: int, epoch: int, pairs: int) -> NDArray[np.intp]:
+    return generator(seed, Stream.TRAINING_ORDER, epoch).permutation(pairs)

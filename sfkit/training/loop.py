@@ -21,9 +21,11 @@ from sfkit.errors import InputError, SfkitError
 from sfkit.training.batches import Batches, Tensors, stacked
 from sfkit.training.objectives import Objective
 from sfkit.training.recipes import Groups
-from sfkit.training.schedule import one_cycle
 from sfkit.training.settings import Precision, TrainingSettings
 from sfkit.training.state import last_state, save_state
+
+START, END = 1 / 25, 1 / 25 / 1e4
+"""The first and the last learning rate as shares of the peak."""
 
 BatchNorm = (nn.BatchNorm1d, nn.BatchNorm2d, nn.BatchNorm3d, nn.SyncBatchNorm)
 
@@ -236,3 +238,20 @@ class _Run:
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
         self.course = Course(self.course.steps, int(state["step"]), **state["course"])
+
+
+def one_cycle(step: int, steps: int, peak: float, warm_up: float) -> float:
+    """The rate of ``step`` (from 0) of ``steps``: up to ``peak`` after the share ``warm_up``, then down.
+
+    Smith and Topin, "Super-convergence" (2018), in the two-phase cosine form of PyTorch's ``OneCycleLR``, but
+    with a peak for each parameter group: given one number, ``OneCycleLR`` raises every group to it. It is a
+    function of the step: nothing is carried along.
+    """
+    top, last = warm_up * steps - 1, steps - 1
+    if step <= top:
+        return _between(peak * START, peak, step / top if top > 0 else 1.0)
+    return _between(peak, peak * END, (step - max(top, 0)) / max(last - max(top, 0), 1e-9))
+
+
+def _between(start: float, end: float, share: float) -> float:
+    return end + (start - end) * (1 + math.cos(math.pi * min(share, 1.0))) / 2

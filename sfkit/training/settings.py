@@ -8,6 +8,7 @@ from enum import StrEnum
 from typing import Any
 
 from sfkit.errors import InputError, unknown_name
+from sfkit.outside import table
 
 EPOCHS, MAX_STEPS, BATCH = 10, 31_250, 8
 """The paper's epochs and batch, and the length its authors' toolbox runs; whichever of the two ends first."""
@@ -137,25 +138,21 @@ class TrainingSettings:
         Raises:
             InputError: an unknown key, or a value that makes no sense; ``where`` is named.
         """
-        given = _known(cls, values, where)
+        given = table(values, where, _names(cls))
         change = given.get("augmentation")
         if change is False:
             given["augmentation"] = Augmentation.none()
         elif isinstance(change, Mapping):
-            table = _known(Augmentation, change, f"{where}.augmentation")
-            if table.get("crop") is False:
-                table["crop"] = None
-            given["augmentation"] = _built(Augmentation, table, f"{where}.augmentation")
+            changed = table(change, f"{where}.augmentation", _names(Augmentation))
+            if changed.get("crop") is False:
+                changed["crop"] = None
+            given["augmentation"] = _built(Augmentation, changed, f"{where}.augmentation")
         built: TrainingSettings = _built(cls, given, where)
         return built
 
 
-def _known(cls: type[Any], values: Mapping[str, Any], where: str) -> dict[str, Any]:
-    allowed = [f.name for f in fields(cls)]
-    for key in values:
-        if key not in allowed:
-            raise unknown_name(f"key of {where}", key, allowed)
-    return dict(values)
+def _names(cls: type[Any]) -> list[str]:
+    return [f.name for f in fields(cls)]
 
 
 def _built(cls: type[Any], values: Mapping[str, Any], where: str) -> Any:

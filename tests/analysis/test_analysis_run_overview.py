@@ -14,8 +14,7 @@ from sfkit.datasets.metric import with_unit
 from sfkit.errors import SfkitWarning
 from sfkit.figures.run_page import run_page
 from sfkit.search.journal import Journal
-from sfkit.search.run_names import recorded_metrics
-from sfkit.search.runs import read_run
+from sfkit.search.runs import read_run, recorded_metrics
 
 SUBSETS = [
     (("a", "b"), 3.0),

@@ -16,8 +16,8 @@ from sfkit.analysis import (
     markdown_table,
     overhead_table,
     ranks,
+    shown,
     source_table,
-    styled,
 )
 from sfkit.errors import InputError
 from sfkit.published import published, published_table
@@ -58,10 +58,8 @@ def test_the_big_table_has_a_row_a_benchmark_and_marks_what_guided() -> None:
         source_table([])
 
 
-def test_styles_are_bold_and_underlined() -> None:
-    html = styled(table()).to_html()
-    assert html.count("font-weight: bold") >= 1
-    assert html.count("text-decoration: underline") >= 1
+def test_a_notebook_shows_decimals_and_a_dash() -> None:
+    html = shown(table()).to_html()
     assert "1.00" in html
     assert "–" in html
 

@@ -13,8 +13,7 @@ from cli_world import Shell, rename_sources
 from tiny import write_pairs, write_pool
 
 from sfkit.cli import terminal
-from sfkit.cli.following import followed
-from sfkit.cli.terminal import Bars, coloured, say
+from sfkit.cli.terminal import Bars, coloured, followed, say
 
 ESCAPE = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 

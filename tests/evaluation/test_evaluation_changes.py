@@ -10,7 +10,7 @@ from flat_world import benchmark, flat_pool
 from sfkit.datasets import Benchmark, MemoryPair, Sample, memory_benchmark
 from sfkit.errors import InputError
 from sfkit.evaluation import CombinedScorer, EvaluationStore, Evaluator
-from sfkit.evaluation.validation import validation_scorer
+from sfkit.evaluation.combining import validation_scorer
 from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 
 NAMES = ("low", "high")

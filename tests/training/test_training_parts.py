@@ -17,9 +17,9 @@ import sfkit
 from sfkit.architectures import architecture
 from sfkit.training import Augmentation, TrainingSettings
 from sfkit.training.augment import augment
-from sfkit.training.drawing import changes, draw
+from sfkit.training.batches import changes, draw
+from sfkit.training.loop import one_cycle
 from sfkit.training.recipes import recipe_of
-from sfkit.training.schedule import one_cycle
 
 
 @pytest.mark.parametrize(("steps", "warm_up"), [(40, 0.05), (100, 0.3), (1000, 0.01)])

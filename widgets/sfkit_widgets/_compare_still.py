@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sfkit.analysis.differences import advantage
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.labels import score_text
-from sfkit.colours import DISPARITY, ERROR, ERROR_SPAN, averaged, error_position, paint, picked
+from sfkit.colours import DISPARITY, ERROR, averaged, paint, painted_disparity, painted_error, picked
 from sfkit.figures.differences import ADVANTAGE_SPAN
 from sfkit_widgets._sheet import MARGIN, MUTED, Sheet
 from sfkit_widgets._still_sheets import INNER, pictures
@@ -51,8 +51,8 @@ def _second(panels: DisparityPanels) -> tuple[str, Picture]:
 def _network(panels: DisparityPanels, network: NetworkMaps, shown: str, first: str) -> tuple[str, Picture]:
     scores = ", ".join(score_text(metric, score) for metric, score in network.scores.items())
     if shown == "disparity":
-        seen = np.where(np.isfinite(network.disparity), network.disparity, np.float32(np.nan))
-        return f"{network.name}: {scores}", paint(picked(seen, LONGEST), panels.limits, DISPARITY)
+        seen = painted_disparity(picked(network.disparity, LONGEST), panels.limits)
+        return f"{network.name}: {scores}", seen
     reference = next(other for other in panels.networks if other.name == first)
     both = ~(np.isnan(reference.error) | np.isnan(network.error))
     if shown == "better" and network is not reference and both.any():
@@ -60,10 +60,8 @@ def _network(panels: DisparityPanels, network: NetworkMaps, shown: str, first: s
         span = ADVANTAGE_SPAN * panels.threshold
         caption = f"{network.name}: blue where better than {first}"
         return caption, paint(picked(found.difference, LONGEST), (-span, span), ERROR)
-    error = picked(network.error, LONGEST)
-    position = np.where(np.isnan(error), np.nan, error_position(error, panels.threshold))
     caption = f"{network.name}, {panels.kind.name}: {scores}"
-    return caption, paint(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
+    return caption, painted_error(picked(network.error, LONGEST), panels.threshold)
 
 
 def _coded(image: Picture) -> bytes:

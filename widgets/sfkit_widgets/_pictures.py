@@ -16,8 +16,8 @@ from sfkit.colours import (
     Stops,
     averaged,
     colour_at,
-    error_position,
-    paint,
+    painted_disparity,
+    painted_error,
     picked,
     share_position,
     text_on,
@@ -40,15 +40,12 @@ def photograph(image: PICTURE) -> bytes:
 
 def disparity_picture(disparity: NDArray[np.floating[Any]], limits: tuple[float, float]) -> bytes:
     """A disparity map (H, W) in pixels as JPEG; what is not finite is hatched grey."""
-    values = picked(disparity, LONGEST)
-    return _painted(np.where(np.isfinite(values), values, np.nan), limits, DISPARITY)
+    return _coded(painted_disparity(picked(disparity, LONGEST), limits)[..., ::-1])
 
 
 def error_picture(error: NDArray[np.floating[Any]], threshold: float) -> bytes:
     """An error or residual map (H, W) as JPEG: blue below the threshold, orange beyond, hatch: no value."""
-    values = picked(error, LONGEST)
-    position = np.where(np.isnan(values), np.nan, error_position(values, threshold))
-    return _painted(position, (-ERROR_SPAN, ERROR_SPAN), ERROR)
+    return _coded(painted_error(picked(error, LONGEST), threshold)[..., ::-1])
 
 
 def disparity_legend(limits: tuple[float, float]) -> dict[str, Any]:
@@ -71,10 +68,6 @@ def share_colours() -> list[list[str]]:
 
 def _css(stops: Stops) -> list[str]:
     return [f"rgb({r},{g},{b})" for r, g, b in stops]
-
-
-def _painted(values: NDArray[np.floating[Any]], limits: tuple[float, float], stops: Stops) -> bytes:
-    return _coded(paint(values, limits, stops)[..., ::-1])
 
 
 def _coded(picture: PICTURE) -> bytes:

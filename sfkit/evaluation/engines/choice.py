@@ -1,7 +1,8 @@
-"""Engines by name."""
+"""Engines by name, and the one that an evaluator uses."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
@@ -77,3 +78,30 @@ def make_engine(pool: Pool, benchmark: PreparedBenchmark, compute: Compute = HER
         InputError: as :func:`check_pool`.
     """
     return _MAKERS[compute.engine](pool, benchmark, compute)
+
+
+class Runner:
+    """One engine, which evaluators that differ in nothing it knows of may share.
+
+    Attributes:
+        busy: held during a call, since an engine's workers hold one recipe each.
+    """
+
+    def __init__(self, pool: Pool, benchmark: PreparedBenchmark, compute: Compute) -> None:
+        self._pool, self._benchmark, self._compute = pool, benchmark, compute
+        self._engine: Engine | None = None
+        self.busy = threading.Lock()
+
+    @property
+    def engine(self) -> Engine:
+        """Runs what the store does not have; its workers start with the first recipe."""
+        # Not in the constructor: threads and torch's settings travel to workers as they are at first use.
+        if self._engine is None:
+            self._benchmark.ensure_unchanged()  # workers read its files again
+            self._engine = make_engine(self._pool, self._benchmark, self._compute)
+        return self._engine
+
+    def release(self) -> None:
+        """Let go of networks and workers; they are made again with the next recipe."""
+        if self._engine is not None:
+            self._engine.close()

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 import sfkit
 from sfkit.cli.app import app
 from sfkit.factory import read_factory, run
-from sfkit.factory.places import MADE_BY, ensure_own
+from sfkit.factory.outputs import MADE_BY, ensure_own
 
 
 @pytest.mark.parametrize("name", ["pool.toml", "scores.json", "costs.csv", "search/merged.safetensors"])
