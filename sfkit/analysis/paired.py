@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sfkit.analysis.intervals import FEWEST_IMAGES, LEVEL, RunsOnImages, holm, paired_estimate
-from sfkit.analysis.judgement import Judgement, judge
-from sfkit.analysis.labels import points
+from sfkit.analysis.labels import Judgement, judge, points
 from sfkit.analysis.measured import Measured
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError

@@ -85,9 +85,7 @@ def contenders(pool: Pool, found: Mapping[str, Recipe] | None = None) -> dict[st
     Raises:
         InputError: a name in ``found`` is already that of another row.
     """
-    rows = {"base": pool.base_recipe()}
-    rows |= {name: pool.equal(name) for name in pool.names}
-    rows["uniform"] = pool.uniform()
+    rows = {**pool.alone(), "uniform": pool.uniform()}
     for name, recipe in (found or {}).items():
         if name in rows:
             raise InputError(f"contenders: found {name!r} twice, expected another name than the pool's own")

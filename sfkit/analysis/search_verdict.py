@@ -134,13 +134,12 @@ def search_verdict(
         evaluations: name of a stage -> what finding it took.
         progress: told of each evaluation when it is done.
     """
-    singles = {name: pool.equal(name) for name in pool.names}
-    recipes = {BASE: pool.base_recipe(), **singles, UNIFORM: pool.uniform(), **stages}
+    recipes = {**pool.alone(), UNIFORM: pool.uniform(), **stages}
     able = _judging(guides)
     names = [guide.benchmark.name for guide in able]
     measured = measure_with([*able, *tests], recipes, validation=names, progress=progress)
     guided = measured[: len(able)]
-    scores = {name: math.fsum(one.score(name) for one in guided) for name in singles}
+    scores = {name: math.fsum(one.score(name) for one in guided) for name in pool.names}
     # Where every source failed one of them is shown nevertheless.
     finite = {name: score for name, score in scores.items() if math.isfinite(score)} or scores
     single = min(finite, key=lambda name: finite[name])
@@ -175,7 +174,7 @@ def missing(pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator],
         tests: evaluators of those that do not.
         stages: how many recipes the search will bring.
     """
-    known = [pool.base_recipe(), *(pool.equal(name) for name in pool.names), pool.uniform()]
+    known = [*pool.alone().values(), pool.uniform()]
     counts = [(one, one.missing(known)) for one in _judging(guides)]
     counts += [(one, one.missing(known) + stages) for one in tests]
     return Missing(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import pandas as pd
 
@@ -12,16 +13,49 @@ from sfkit.analysis.comparisons import NetworkComparison, mean_of
 from sfkit.analysis.costs import MethodCost, overhead_table
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.headed import MEAN, UNSEEN, with_means
-from sfkit.analysis.judgement import Judgement
-from sfkit.analysis.labels import points
+from sfkit.analysis.labels import Judgement, points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import Difference
 from sfkit.analysis.selection import SelectionStatistics, selection_statistics
-from sfkit.analysis.study_runs import AVERAGE, costs_of
 from sfkit.analysis.tables import source_table
 from sfkit.analysis.verdict import Verdict
 from sfkit.baselines import BaselineResult, BaselineRun
 from sfkit.editing import SeenByHand
+
+AVERAGE = "averaged"
+"""The method whose network the verdict prefers, where it was run."""
+AGAIN = ("random_subsets", "stage1", "stage1_2", AVERAGE)
+"""Methods that are run once a seed."""
+DRAWING = ("dare", "dare_ties")
+"""Methods that draw several networks in one run."""
+
+
+def with_draws(settings: Mapping[str, Mapping[str, Any]], seeds: int) -> dict[str, Mapping[str, Any]]:
+    """Settings by method: ``DRAWING`` draw as often as the stages have seeds, unless they say otherwise."""
+    drawing = {name: {"draws": seeds, **settings.get(name, {})} for name in DRAWING}
+    return {**settings, **drawing}
+
+
+def costs_of(runs: Mapping[str, BaselineResult]) -> tuple[MethodCost, ...]:
+    """What each method took: its runs from several seeds summed, the draws of one run counted once.
+
+    Args:
+        runs: network name -> result; draws of one run share its history.
+    """
+    methods: dict[str, dict[int, BaselineResult]] = {}
+    for result in runs.values():
+        methods.setdefault(result.label, {})[id(result.history)] = result
+    return tuple(
+        MethodCost(
+            label,
+            sum(one.evaluations for one in found.values()),
+            sum(one.image_passes for one in found.values()),
+            math.fsum(one.seconds for one in found.values()),
+            len(found),
+        )
+        for label, found in methods.items()
+    )
+
 
 STAGES = ("stage1", "stage1_2")
 """The two stages, whose networks figures and probes look into."""

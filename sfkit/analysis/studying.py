@@ -11,8 +11,7 @@ from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import one_unit
-from sfkit.analysis.study import BASE, UNIFORM, LineCallback, Study
-from sfkit.analysis.study_runs import AGAIN, AVERAGE, costs_of, with_draws
+from sfkit.analysis.study import AGAIN, AVERAGE, BASE, UNIFORM, LineCallback, Study, costs_of, with_draws
 from sfkit.analysis.verdict import Verdict, prefer, verdict
 from sfkit.baselines import BaselineResult, BaselineRun, run_baselines
 from sfkit.errors import InputError
@@ -137,9 +136,8 @@ def _seeded(
 
 def _networks(pool: Pool, runs: Mapping[str, BaselineResult]) -> dict[str, tuple[Pool, Recipe]]:
     """Base, sources, their equal mixture, and what methods found, each with the pool it belongs to."""
-    alone = {name: (pool, pool.equal(name)) for name in pool.names}
-    found = {name: (result.pool, result.recipe) for name, result in runs.items()}
-    return {BASE: (pool, pool.base_recipe()), **alone, UNIFORM: (pool, pool.uniform()), **found}
+    own = {name: (pool, recipe) for name, recipe in {**pool.alone(), UNIFORM: pool.uniform()}.items()}
+    return own | {name: (result.pool, result.recipe) for name, result in runs.items()}
 
 
 def _compare(

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from sfkit.analysis.judgement import Judgement
-from sfkit.analysis.labels import points, score_text
+from sfkit.analysis.labels import Judgement, points, score_text
 from sfkit.analysis.paired import Difference
 from sfkit.analysis.study import BASE, Study
 from sfkit.baselines import BaselineResult

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.costs import MethodCost
-from sfkit.analysis.judgement import Judgement
+from sfkit.analysis.labels import Judgement
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.baselines import BaselineRun, Network
 from sfkit.errors import InputError

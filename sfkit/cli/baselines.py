@@ -139,7 +139,7 @@ def _entry(result: BaselineResult) -> dict[str, Any]:
 
 def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> str:
     from sfkit.baselines import baseline_named, baseline_table
-    from sfkit.evaluation.changes import LABEL
+    from sfkit.evaluation.combining import LABEL
 
     unlike = len({one.metric.needs_truth for one in evaluators}) > 1
     unit = "" if unlike else evaluators[0].metric.unit

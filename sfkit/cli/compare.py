@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +10,6 @@ import typer
 
 from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli import tables
-from sfkit.cli.groups import names
 from sfkit.cli.options import (
     ArchitectureOption,
     DeviceOption,
@@ -54,9 +52,7 @@ def compare(
       sfkit compare uniform.safetensors runs/garage/merged.safetensors -b eth3d -r ~/ETH3D
       sfkit compare a.tar b.tar --architecture anynet -b pairs -r ~/pairs --metric d1,epe --maps maps
     """
-    metrics = names(data.metric or "")
-    chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
-    chosen.ensure_measurable(metrics)
+    chosen, metrics = data.open_by_several()
     a, b = _called(first, second)
     places = Places(csv=data.csv)
     places.reads("A", first)

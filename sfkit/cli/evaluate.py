@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -12,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli import tables
-from sfkit.cli.groups import names
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
@@ -73,9 +71,7 @@ def evaluate(
       sfkit evaluate pool.toml --recipe a.json --recipe b.safetensors -b pairs -r ~/pairs --images
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
-    metrics = names(data.metric or "")
-    chosen = replace(data, metric=metrics[0] if metrics else data.metric).open()
-    chosen.ensure_measurable(metrics)
+    chosen, metrics = data.open_by_several()
     places = Places(subset_from=subset_from, csv=data.csv)
     for file in recipe or ():
         places.reads("--recipe", file)
@@ -93,7 +89,7 @@ def evaluate(
     for file in recipe or ():
         asked |= choosers(recipe=file)
     opened = pool_of(pool)
-    recipes = _members(opened) if members else {}
+    recipes = opened.alone() if members else {}
     recipes |= _all_subsets(opened) if all_subsets else {}
     recipes |= {name: choose(opened) for name, choose in asked.items()}
     pools = {recipe.preparation: prepared(name, opened, recipe) for name, recipe in recipes.items()}
@@ -133,10 +129,6 @@ def _scores(
     order = {name: place for place, name in enumerate(recipes)}
     found = pd.concat(made, ignore_index=True)
     return found.sort_values("network", key=lambda names: names.map(order), kind="stable", ignore_index=True)
-
-
-def _members(pool: Pool) -> dict[str, Recipe]:
-    return {"base": pool.base_recipe(), **{name: pool.equal(name) for name in pool.names}}
 
 
 def _all_subsets(pool: Pool) -> dict[str, Recipe]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from sfkit.cli.groups import Group
+from sfkit.cli.groups import Group, names
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import PARAMETERS, Compute, check_device
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings
@@ -69,6 +69,17 @@ class BenchmarkChoice(FolderChoice):
         )
         benchmark.ensure_scorable()
         return benchmark
+
+    def open_by_several(self) -> tuple[Benchmark, tuple[str, ...]]:
+        """The benchmark by the first of ``--metric A,B``, and all of these.
+
+        Raises:
+            InputError: as :meth:`open`, or pairs cannot be measured by one of them.
+        """
+        metrics = names(self.metric or "")
+        benchmark = replace(self, metric=metrics[0] if metrics else self.metric).open()
+        benchmark.ensure_measurable(metrics)
+        return benchmark, metrics
 
 
 @dataclass(frozen=True)

@@ -114,8 +114,7 @@ def search(
     from sfkit.analysis.trust import trust_of
     from sfkit.checkpoints.targets import ensure_room
     from sfkit.cli.judging import Judge
-    from sfkit.evaluation.changes import LABEL
-    from sfkit.evaluation.combining import CombinedScorer
+    from sfkit.evaluation.combining import LABEL, CombinedScorer
     from sfkit.evaluation.evaluator import Evaluator
     from sfkit.search.pipeline import cost, search_pool, summary
     from sfkit.search.plan import SearchPlan
@@ -223,7 +222,7 @@ def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
 
 def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float]) -> str:
     from sfkit.cli.inspection import recipe_lines
-    from sfkit.evaluation.changes import LABEL
+    from sfkit.evaluation.combining import LABEL
 
     unit = "" if metric is None else metric.unit
     lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]

@@ -78,8 +78,7 @@ def scoring(
         guide: from :func:`guide_of`.
         store: the evaluation store's file, opened once all else is in order; None keeps nothing.
     """
-    from sfkit.evaluation.changes import LABEL
-    from sfkit.evaluation.combining import CombinedScorer, evaluators_of
+    from sfkit.evaluation.combining import LABEL, CombinedScorer, evaluators_of
 
     with store_of(store) as kept, ExitStack() as stack:
         evaluators = [stack.enter_context(one.with_store(kept)) for one in evaluators_of(guide)]

@@ -197,15 +197,7 @@ def _open_pairs(
     if not found.pairs:
         raise InputError(nothing_recognised(folder, found))
     warn_of_incomplete(folder.name, found)
-    return Benchmark(
-        name=folder.name,
-        family=PAIRS,
-        pairs=found.pairs,
-        protocol=protocol,
-        metric=metric,
-        root=folder,
-        notes=found.notes,
-    )
+    return _own(folder, found, protocol, metric)
 
 
 def _open_unlabelled(
@@ -218,15 +210,11 @@ def _open_unlabelled(
             "none; use census, or a labelled benchmark"
         )
     folder, found = find_unlabelled(root, table, every)
-    return Benchmark(
-        name=folder.name,
-        family=PAIRS,
-        pairs=found.pairs,
-        protocol=protocol or PAIRS_PROTOCOL,
-        metric=wanted.name,
-        root=folder,
-        notes=found.notes,
-    )
+    return _own(folder, found, protocol or PAIRS_PROTOCOL, wanted.name)
+
+
+def _own(folder: Path, found: PairListing, protocol: str, metric: str) -> Benchmark:
+    return Benchmark(folder.name, PAIRS, found.pairs, protocol, metric, root=folder, notes=found.notes)
 
 
 def find_own_pairs(

@@ -10,8 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.comparisons import ComparedNetwork, NetworkComparison
-from sfkit.analysis.judgement import Judgement
-from sfkit.analysis.labels import marked, points
+from sfkit.analysis.labels import Judgement, marked, points
 from sfkit.analysis.paired import Difference
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
@@ -137,7 +136,6 @@ def benchmark_comparison_figure(
     for number in range(max(0, len(panels) - across), len(panels)):  # the lowest panel of each column
         row, col = divmod(number, across)
         figure.update_xaxes(title_text=f"difference ({unit})", row=row + 1, col=col + 1)
-    figure.update_annotations(font_size=12)
     return finish(
         figure,
         theme=theme,

@@ -78,7 +78,6 @@ def geometry_figure(
     figure.update_xaxes(type="category", tickangle=-40)
     figure.update_xaxes(title_text="source", row=1, col=1)
     figure.update_xaxes(title_text="block", row=1, col=2)
-    figure.update_annotations(font_size=12)
     return finish(
         figure,
         theme=theme,

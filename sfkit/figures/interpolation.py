@@ -53,7 +53,6 @@ def interpolation_figure(
     for col, name in enumerate(benchmarks, 1):
         if col == 1 or metrics[name] != metrics[benchmarks[col - 2]]:
             figure.update_yaxes(title_text=metric_label(metrics[name]), col=col)
-    figure.update_annotations(font_size=12)
     return finish(
         figure,
         theme=theme,
@@ -96,7 +95,6 @@ def _apart(
         _line(figure, curve, 0, place["col"], row=place["row"])
     figure.update_xaxes(tickvals=[0.0, 0.5, 1.0], ticktext=[escape(ends[0]), "half", escape(ends[1])])
     figure.update_yaxes(title_text=metric_label(curves[0].metric), col=1)
-    figure.update_annotations(font_size=12)
     first = curves[0]
     return finish(
         figure,

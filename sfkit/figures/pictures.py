@@ -41,7 +41,6 @@ def frame_pictures(figure: go.Figure, size: tuple[int, int]) -> None:
     for axis in figure.select_yaxes():
         if axis.matches is None:  # plotly ignores, and warns of, a scale on axes that follow another
             axis.update(scaleanchor=axis.anchor, scaleratio=1)
-    figure.update_annotations(font_size=12)
 
 
 def add_colour_bar(

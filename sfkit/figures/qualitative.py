@@ -57,8 +57,7 @@ def qualitative_figure(
         for column in range(1, 2 + len(names)):
             _frame(figure, size, number, column)
         figure.update_yaxes(title_text=escape(row.benchmark), row=number, col=1)
-    figure.update_annotations(font_size=11)
-    return finish(
+    done = finish(
         figure,
         theme=theme,
         title="What does merging change in the picture?",
@@ -67,6 +66,7 @@ def qualitative_figure(
         margin={"l": 50, "r": 10, "t": 104, "b": 20},
         showlegend=False,
     )
+    return done.update_annotations(font_size=11)  # pictures are small
 
 
 def _titles(row: DisparityPanels) -> list[str]:

@@ -40,7 +40,6 @@ def ranking_figure(
         _dots(figure, one, col)
     figure.update_xaxes(title_text=metric_label("census"))
     figure.update_yaxes(title_text=rankings[0].metric.axis, col=1)
-    figure.update_annotations(font_size=12)
     return finish(
         figure,
         theme=theme,

@@ -53,7 +53,6 @@ def routing_figure(
     figure.update_xaxes(matches="x2", showticklabels=False, col=2)
     figure.update_xaxes(matches=None, row=1, col=2)  # plotly warns of an axis that is to match itself
     figure.update_xaxes(title_text=EVALUATION, showticklabels=True, row=rows, col=2)
-    figure.update_annotations(font_size=12)
     return finish(
         figure,
         theme=theme,
@@ -99,7 +98,6 @@ def scales_figure(trace: RoutingTrace, *, theme: str = "auto", height: int | Non
             figure.add_hline(y=value, line=line, layer="below", row=b + 1, col=1)
     figure.update_yaxes(title_text="scale (factor)", row=(blocks + 1) // 2, col=1)
     figure.update_xaxes(title_text=EVALUATION, row=blocks, col=1)
-    figure.update_annotations(font_size=12)
     return finish(
         figure,
         theme=theme,

@@ -51,7 +51,6 @@ def scores_figure(
         type="category", categoryorder="array", categoryarray=list(grid.networks), autorange="reversed"
     )
     figure.update_yaxes(title_text="network", col=1)
-    figure.update_annotations(font_size=12)
     marked = any(column.validation for column in grid.columns)
     guided = "; * guided the search, so it is no test" if marked else ""
     return finish(

@@ -55,7 +55,6 @@ def similarity_figure(
     figure.update_yaxes(type="category", autorange="reversed")
     figure.update_yaxes(title_text="source", col=1)
     figure.update_xaxes(type="category", title_text="target", tickangle=-40)
-    figure.update_annotations(font_size=12)
     first = similarities[0]
     nearest = [", ".join(each.subset(target, 1)[0] for each in similarities) for target in first.targets[:1]]
     cues = ", ".join(each.cue for each in similarities)

@@ -122,4 +122,5 @@ def finish(
         height=height,
         **layout,
     )
+    figure.update_annotations(font_size=12)  # titles of panels
     return figure

@@ -196,13 +196,10 @@ def _sound(path: Path, architecture: str, entry: KnownArchitecture) -> dict[str,
 def _kinship(base: Mapping[str, np.ndarray], source: Mapping[str, np.ndarray]) -> Kinship:
     sums = KinshipSums()
     for key, theirs in base.items():
-        if source[key].tobytes() != theirs.tobytes() and not _is_statistic(key):
+        statistic = key.rpartition(".")[2] in ("running_mean", "running_var")
+        if source[key].tobytes() != theirs.tobytes() and not statistic:
             sums.add_arrays(theirs, source[key])
     return sums.kinship()
-
-
-def _is_statistic(key: str) -> bool:
-    return key.rpartition(".")[2] in ("running_mean", "running_var")
 
 
 def _digest(shapes: Mapping[str, tuple[int, ...]]) -> str:

@@ -126,10 +126,10 @@ class PoolOpener:
                 self.architecture.check(shapes, self.options)
             except InputError as error:
                 raise InputError(f"{path}: {error}") from error
+        # Optional parts the file has and the network, by its options, does not.
+        extra = [key for key in file.tensors if self.architecture.is_optional(key)]
         try:
-            check_keys(
-                path, file.tensors, self.specs, known_extra=self._left_out(file.tensors), is_base=is_base
-            )
+            check_keys(path, file.tensors, self.specs, known_extra=extra, is_base=is_base)
         except InputError as error:
             lacking = (spec.key for spec in self.specs if spec.key not in file.tensors)
             raise InputError(f"{error}{self.architecture.advice_for(lacking)}") from error
@@ -159,10 +159,6 @@ class PoolOpener:
             if found is not None and spec.aliases:
                 named |= {key: tensors.get(key, tensors[found]) for key in keys}
         return named
-
-    def _left_out(self, keys: Mapping[str, torch.Tensor]) -> list[str]:
-        """Optional parts the file has and the network, by its options, does not."""
-        return [key for key in keys if self.architecture.is_optional(key)]
 
     def base(self, member: Member, file: CheckpointFile) -> tuple[Checked, FileRecord]:
         """The base, checked whole, and what identifies each of its tensors."""

@@ -122,6 +122,10 @@ class Pool:
         """The equal-weight merge of the named sources."""
         return Recipe.equal(self.subset(names), self.blocks)
 
+    def alone(self) -> dict[str, Recipe]:
+        """The base and each source by itself, by name."""
+        return {"base": self.base_recipe(), **{name: self.equal(name) for name in self.names}}
+
     def uniform(self) -> Recipe:
         """The equal-weight merge of all sources."""
         return self.equal(*self.names)

@@ -210,7 +210,8 @@ class LiveSearch:
             for _ in self.search:  # takes no step: it sees the request, and writes it into the journal
                 break
         except Exception as raised:  # whatever it is, the person who watches must see it
-            phase, error = Phase.FAILED, _sentence(raised)
+            kind = "" if isinstance(raised, SfkitError) else f"{type(raised).__name__}: "
+            phase, error = Phase.FAILED, f"{kind}{raised}"
         self._settle(Phase.FINISHED if self.search.done else phase, error)
 
     def _go(self) -> None:
@@ -251,10 +252,6 @@ class LiveSearch:
             self._within, self._error, self._wanted = _NOTHING, error, _Wanted.PAUSE
             self._thread = None
             self._enter(phase)
-
-
-def _sentence(error: Exception) -> str:
-    return str(error) if isinstance(error, SfkitError) else f"{type(error).__name__}: {error}"
 
 
 class _Monitor:

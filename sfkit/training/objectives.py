@@ -7,12 +7,17 @@ runs as one, in micro batches, or on several processes, which need only share th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
 
 import torch
 import torch.nn.functional as F
 from torch import nn
+
+from sfkit.architectures.foundation_stereo.network import FoundationStereo
+from sfkit.architectures.nmrf.network import NMRF
+from sfkit.architectures.nmrf.proposals import STRIDE
+from sfkit.architectures.nmrf.training import LossWeights, losses, target_histogram
 
 
 class Objective(Protocol):
@@ -76,3 +81,78 @@ class OwnObjective:
         """The mean times the number of known pixels."""
         loss = cast(Any, network).loss(left, right, truth)
         return cast(torch.Tensor, loss * _known(truth).to(loss.dtype))[None]
+
+
+GAMMA = 0.9
+QUARTER = 4
+
+
+@dataclass(frozen=True)
+class NmrfObjective:
+    """NMRF's own terms, with smooth L1 as the layers' distance (Guan et al., CVPR 2024, section 3.5).
+
+    Bins and proposals learn from truth below ``bins`` times 8 px, the layers from truth below ``limit``.
+    """
+
+    bins: int
+    limit: float
+    weights: LossWeights = field(default_factory=LossWeights)
+
+    def counts(self, truth: torch.Tensor) -> torch.Tensor:
+        """Blocks with any truth in the bins, pixels of the proposals' term, pixels of the layers' terms."""
+        known = torch.where(torch.isfinite(truth), truth, 0.0)
+        blocks = target_histogram(known, self.bins).flatten(0, 1).sum(-1) > 0
+        layers = (known > 0) & (known < self.limit)
+        proposals = layers & (known < self.bins * STRIDE)
+        return torch.stack([part.sum() for part in (blocks, proposals, layers)]).double()
+
+    def sums(
+        self, network: nn.Module, left: torch.Tensor, right: torch.Tensor, truth: torch.Tensor
+    ) -> torch.Tensor:
+        """The three terms' means times their counts."""
+        found = losses(cast(NMRF, network).estimate(left, right), truth, max_disp=self.limit, smooth=True)
+        weights = self.weights
+        layers = zip((*weights.coarse, *weights.refined), (*found.coarse, *found.refined), strict=True)
+        means = [
+            weights.init * found.init,
+            weights.proposal * found.proposal,
+            torch.stack([weight * loss for weight, loss in layers]).sum(),
+        ]
+        return torch.stack(means) * self.counts(truth).to(found.init.dtype)
+
+
+@dataclass(frozen=True)
+class FoundationStereoObjective:
+    """Smooth L1 of the first disparity, plus that of every refined one, the later the heavier.
+
+    Wen et al., "FoundationStereo" (CVPR 2025): gamma^(K - k) for refinement k of K. The first
+    disparity lives at a quarter of the size, so the truth is read there at every fourth row and column. The
+    paper takes L1 for the refined ones; smooth L1 is the merging paper's for all networks.
+    """
+
+    def counts(self, truth: torch.Tensor) -> torch.Tensor:
+        """Known pixels of the quarter, and of the whole."""
+        return torch.stack([torch.isfinite(t).sum() for t in (_quarter(truth), truth)]).double()
+
+    def sums(
+        self, network: nn.Module, left: torch.Tensor, right: torch.Tensor, truth: torch.Tensor
+    ) -> torch.Tensor:
+        """The two terms."""
+        trace = cast(FoundationStereo, network).trace(left, right)
+        count = len(trace.disparities)
+        refined = [
+            GAMMA ** (count - number) * _distance(map_, truth)
+            for number, map_ in enumerate(trace.disparities, start=1)
+        ]
+        return torch.stack([_distance(trace.initial[:, 0], _quarter(truth)), torch.stack(refined).sum()])
+
+
+def _quarter(truth: torch.Tensor) -> torch.Tensor:
+    """(B, H, W) px -> (B, H/4, W/4) in pixels of the quarter; nothing is averaged across edges or unknown."""
+    return truth[..., ::QUARTER, ::QUARTER] / QUARTER
+
+
+def _distance(disparity: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
+    known = torch.isfinite(truth)
+    away = F.smooth_l1_loss(disparity.float(), torch.where(known, truth, 0.0), reduction="none")
+    return (away * known).sum()

@@ -14,8 +14,13 @@ from sfkit.architectures import AnyNet, FoundationStereo
 from sfkit.architectures.nmrf import training as nmrf
 from sfkit.architectures.nmrf.network import NMRF
 from sfkit.errors import InputError
-from sfkit.training.network_objectives import FoundationStereoObjective, NmrfObjective
-from sfkit.training.objectives import Objective, OwnObjective, SequenceObjective
+from sfkit.training.objectives import (
+    FoundationStereoObjective,
+    NmrfObjective,
+    Objective,
+    OwnObjective,
+    SequenceObjective,
+)
 
 Groups = list[dict[str, Any]]
 ANYNET_WEIGHTS = (0.25, 0.5, 1.0, 1.0)

@@ -8,8 +8,7 @@ import pytest
 from measured_records import measured
 
 from sfkit.analysis import compare_networks
-from sfkit.analysis.judgement import Judgement, judge
-from sfkit.analysis.labels import points
+from sfkit.analysis.labels import Judgement, judge, points
 from sfkit.analysis.paired import Difference
 from sfkit.evaluation.separation import column_name, marked
 

@@ -18,7 +18,7 @@ from safetensors.torch import load_file
 from tiny import write_pairs, write_pool
 
 import sfkit
-from sfkit.analysis.judgement import Judgement
+from sfkit.analysis.labels import Judgement
 from sfkit.cli.evaluate import _document
 from sfkit.colours import ERROR, lookup
 from sfkit.evaluation import Estimate, prediction_files

@@ -10,7 +10,7 @@ import torch.nn.functional as F
 
 from sfkit.architectures import architecture
 from sfkit.architectures.nmrf.training import losses
-from sfkit.training.network_objectives import FoundationStereoObjective
+from sfkit.training.objectives import FoundationStereoObjective
 from sfkit.training.recipes import recipe_of
 
 

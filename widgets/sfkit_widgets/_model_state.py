@@ -28,13 +28,13 @@ def shown_predictions(told: Predictions | None) -> dict[str, Any]:
     return {
         "metric": metric_label(told.metric),
         "number": told.number[drawn].tolist(),
-        "mean": _finite(mean),
-        "sd": _finite(sd),
-        "low": _finite(mean - WITHIN * sd),
-        "high": _finite(mean + WITHIN * sd),
-        "bound": _finite(told.bound[drawn]),
-        "best": _finite(told.best[drawn]),
-        "score": _finite(told.score[drawn]),
+        "mean": finite(mean),
+        "sd": finite(sd),
+        "low": finite(mean - WITHIN * sd),
+        "high": finite(mean + WITHIN * sd),
+        "bound": finite(told.bound[drawn]),
+        "best": finite(told.best[drawn]),
+        "score": finite(told.score[drawn]),
         "says": _says(told),
     }
 
@@ -53,5 +53,6 @@ def _says(told: Predictions) -> str:
     )
 
 
-def _finite(values: Iterable[float]) -> list[float | None]:
-    return [float(f"{value:.5g}") if math.isfinite(value) else None for value in values]
+def finite(values: Iterable[float], digits: int = 5) -> list[float | None]:
+    """Numbers as JSON has them: of so many digits, None for one that is not finite."""
+    return [float(f"{value:.{digits}g}") if math.isfinite(value) else None for value in values]

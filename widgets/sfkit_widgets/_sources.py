@@ -72,23 +72,18 @@ class JournalSource:
 
     def evolution(self) -> Evolution | None:
         """Stage 1 so far; None before its first generation."""
-        records = self.journal.records()
-        if self.kind != SubsetSearch.kind or not self._begun():
-            return None
-        return watched_evolution(records, metric=self.metric)
+        begun = self.kind == SubsetSearch.kind and self._begun()
+        return watched_evolution(self.journal.records(), metric=self.metric) if begun else None
 
     def trace(self) -> RoutingTrace | None:
         """Stage 2 so far; None before its first evaluation."""
-        records = self.journal.records()
-        if self.kind != RoutingSearch.kind or not self._begun():
-            return None
-        return watched_routing(records, metric=self.metric)
+        begun = self.kind == RoutingSearch.kind and self._begun()
+        return watched_routing(self.journal.records(), metric=self.metric) if begun else None
 
     def predictions(self) -> Predictions | None:
         """What a model foretold so far; None before the search has begun."""
-        if not self._begun():
-            return None
-        return watched_predictions(self.journal.records(), self.kind, metric=self.metric)
+        begun = self._begun()
+        return watched_predictions(self.journal.records(), self.kind, metric=self.metric) if begun else None
 
     def _begun(self) -> bool:
         return watched_progress(self.journal.records(), self.kind).generation >= 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -14,7 +13,7 @@ from sfkit.analysis.labels import metric_label
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit_widgets._assets import script, style
-from sfkit_widgets._model_state import shown_predictions
+from sfkit_widgets._model_state import finite, shown_predictions
 from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
 from sfkit_widgets._still_sheets import population_sheet
@@ -96,8 +95,8 @@ def shown_evolution(found: Evolution, archive: int, also: Iterable[int] = ()) ->
         "sources": list(history.sources),
         "metric": metric_label(history.metric),
         "generations": drawn,
-        "best": _finite(history.best[g] for g in drawn),
-        "median": _finite(history.median[g] for g in drawn),
+        "best": finite((history.best[g] for g in drawn), 6),
+        "median": finite((history.median[g] for g in drawn), 6),
         "share": [[round(share, 4) for share in history.share[g]] for g in drawn],
         "sizes": [[low, round(mean, 3), high] for low, mean, high in (found.sizes[g] for g in drawn)],
         "diversity": [round(found.diversity[g], 4) for g in drawn],
@@ -137,7 +136,3 @@ def _first_seen(populations: Iterable[tuple[int, Sequence[int]]]) -> dict[int, i
         for number in numbers:
             seen.setdefault(number, generation)
     return seen
-
-
-def _finite(scores: Iterable[float]) -> list[float | None]:
-    return [float(f"{score:.6g}") if math.isfinite(score) else None for score in scores]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Any
 
 import traitlets
@@ -13,7 +12,7 @@ from sfkit.analysis.routings import RoutingTrace
 from sfkit.colours import SHARE, colour_at, share_position, text_on
 from sfkit.figures.theme import series_style
 from sfkit_widgets._assets import script, style
-from sfkit_widgets._model_state import shown_predictions
+from sfkit_widgets._model_state import finite, shown_predictions
 from sfkit_widgets._sheet import Sheet
 from sfkit_widgets._sources import SearchView, Watchable, source_of
 from sfkit_widgets._still_sheets import routing_sheet
@@ -87,15 +86,15 @@ def shown_trace(trace: RoutingTrace) -> dict[str, Any]:
         "by_model": trace.by_model,
         "drawn": drawn,
         "evaluations": len(trace),
-        "score": _finite(trace.score[drawn].tolist()),
+        "score": finite(trace.score[drawn].tolist()),
         "text": [_text(trace, number) for number in drawn],
         "weights": trace.weights[drawn][:, :rows].round(4).tolist(),
         "scales": trace.scales[drawn].round(4).tolist(),
         # Every new incumbent is drawn unless they are too many; then the line holds the one before.
         "incumbent": _held([place.get(int(trace.incumbent[number])) for number in drawn]),
         "iterations": first,
-        "sigma": _finite(trace.sigma[first].tolist()),
-        "axes": [_finite(row) for row in trace.axes[first].T.tolist()],
+        "sigma": finite(trace.sigma[first].tolist()),
+        "axes": [finite(row) for row in trace.axes[first].T.tolist()],
         "best": place.get(trace.best),
         "colours": [series_style(e) for e in range(len(trace.sources))],
         "shades": [_shade(n / (SHADES - 1)) for n in range(SHADES)],
@@ -119,7 +118,3 @@ def _held(places: list[int | None]) -> list[int | None]:
 def _shade(position: float) -> list[str]:
     colour = colour_at(SHARE, share_position(position))
     return [f"rgb({colour[0]} {colour[1]} {colour[2]})", text_on(colour)]
-
-
-def _finite(values: Iterable[float]) -> list[float | None]:
-    return [float(f"{value:.5g}") if math.isfinite(value) else None for value in values]

@@ -42,7 +42,9 @@ def worker(threads: int, folder: Path) -> tuple[Surroundings, Spawned]:
     """A process that waits for a plan: one of the reserve, or a new one."""
     wanted = Surroundings.here(threads, folder)
     with _lock:
-        _end([entry for entry in _waiting if entry[0] != wanted or not _serves(entry[1])])
+        # A fork of this process owns none.
+        serving = [e for e in _waiting if e[0] == wanted and e[1].owner == os.getpid() and e[1].running]
+        _end([entry for entry in _waiting if entry not in serving])
         return _waiting.pop() if _waiting else (wanted, Spawned(threads, folder))
 
 
@@ -62,10 +64,6 @@ def keep(surroundings: Surroundings, process: Spawned) -> bool:
     finally:
         _lock.release()
     return True
-
-
-def _serves(process: Spawned) -> bool:
-    return process.owner == os.getpid() and process.running  # a fork of this process owns none
 
 
 @atexit.register
