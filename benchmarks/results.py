@@ -4,9 +4,9 @@
     python benchmarks/results.py bigpool
     python benchmarks/results.py                    # all of them, one after the other
 
-To add a section, add ``benchmarks/sections/NAME.py`` with a docstring and ``section() -> str``: Markdown that
-begins with a ``## `` heading and says which commands it ran. Underscores in the file's name are hyphens in
-the section's. What is about speed, or about searches on known ground, says ``DOCUMENT =
+To add a section, add one file with a docstring and ``section() -> str``: Markdown that begins with a ``## ``
+heading and says which commands it ran. It lies here where it is a command of its own, else in ``sections``.
+Underscores in the file's name are hyphens in the section's. What is about speed, or about searches on known ground, says ``DOCUMENT =
 "benchmarks/README.md"``; other sections go to ``docs/results.md``. Nothing else needs to know of it: date,
 machine and command are added here, and the text between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` is
 replaced, or added at the end.
@@ -36,9 +36,13 @@ Speed is in [benchmarks](../benchmarks/README.md).
 }
 
 
-def names() -> list[str]:
-    """The sections there are."""
-    return sorted(path.stem.replace("_", "-") for path in (HERE / "sections").glob("[a-z]*.py"))
+def modules() -> dict[str, str]:
+    """Section -> the module that has it."""
+    files = [*HERE.glob("*.py"), *(HERE / "sections").glob("*.py")]
+    found = {f.stem.replace("_", "-"): f for f in files if "\ndef section(" in f.read_text(encoding="utf-8")}
+    return {
+        name: ".".join(file.relative_to(HERE).with_suffix("").parts) for name, file in sorted(found.items())
+    }
 
 
 def made(name: str, body: str) -> str:
@@ -66,10 +70,10 @@ def record(name: str, root: Path = ROOT) -> Path:
     """Run a section's measurements, write them, and return the document's path.
 
     Args:
-        name: one of :func:`names`.
+        name: one of :func:`modules`.
         root: the checkout; a document comes into being with its first section.
     """
-    module = importlib.import_module(f"sections.{name.replace('-', '_')}")
+    module = importlib.import_module(modules()[name])
     document = getattr(module, "DOCUMENT", RESULTS)
     text = made(name, module.section())
     path = root / document
@@ -85,7 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("section", nargs="*", help="which, all without one")
     parser.add_argument("--list", action="store_true", help="print the sections' names")
     options = parser.parse_args(arguments)
-    known = names()
+    known = list(modules())
     unknown = [name for name in options.section if name not in known]
     if unknown:
         parser.error(f"unknown section {unknown[0]!r}, expected one of: {', '.join(known)}")

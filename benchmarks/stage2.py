@@ -25,11 +25,24 @@ import numpy as np
 import pandas as pd
 from kept import RUNS, Job, KeptRuns
 from one_model import one_model
-from stage2_worlds import BANK, REAL, World, store_in, world
+from stage2_worlds import (
+    BANK,
+    BANK_PAIRS,
+    BANK_WINDOW,
+    REAL,
+    REAL_PAIRS,
+    REAL_WINDOW,
+    World,
+    store_in,
+    world,
+)
 
 import sfkit
+from sfkit.analysis.tables import markdown_lines
 from sfkit.search import BayesianRoutingSearch, BayesianRoutingSettings, RoutingSearch
 from sfkit.search.encoding import Encoding
+
+DOCUMENT = "benchmarks/README.md"
 
 SEARCHES = {BANK: 12, REAL: 4}
 """Draws of validation pairs."""
@@ -154,6 +167,96 @@ def searched(kind: str, seed: int, name: str, way: Way, folder: Path) -> pd.Data
 
 
 kept = KeptRuns(__doc__, jobs, RUNS / "stage2")
+
+
+MARKS = (10, 20, 40, 60, 80, 100, 150, 300)
+KEY = ["world", "seed"]
+TITLES = {
+    BANK: f"On the bank, {BANK_PAIRS} windows of {' x '.join(map(str, BANK_WINDOW))} px",
+    REAL: f"On the real AnyNet pool, {REAL_PAIRS} windows of "
+    f"{' x '.join(map(str, REAL_WINDOW))} px of as many data sets",
+}
+HEAD = """## Stage 2: the best score against evaluations
+
+`python benchmarks/py` runs the searches and goes on where it was. A search is Stage 1 by its model,
+then Stage 2 over the subset it found, on windows of a few validation pairs drawn by the seed. Numbers are
+points behind (above 0) or ahead (below 0) of what CMA-ES has after 300 evaluations of the same search:
+median and quartiles. Evaluations are those of Stage 2; what has no stages gets those of Stage 1 besides.
+`needs` is how many it takes for CMA-ES's score after 300, median over searches, beside how many got there.
+`model, no far draws` has further settings of its own: beta 1 and patience 8, for 2 and 4."""
+BLOCKWISE_HEAD = """### Block-specific routing
+
+The same searches with weights for every block of its own. Points against CMA-ES with tied weights after 300
+evaluations; entries of x are the median over searches."""
+
+
+def section() -> str:
+    """Tables of whatever ``benchmarks/py`` has finished.
+
+    Raises:
+        SystemExit: that is nothing, or no search by CMA-ES.
+    """
+    frame = kept.results("")
+    if frame.empty or CMA_ES not in set(frame["way"]):
+        raise SystemExit("nothing is finished yet: run python benchmarks/py first (hours)")
+    behind = curves(frame)
+    parts = [HEAD]
+    for kind, title in TITLES.items():
+        part = behind[behind["world"] == kind]
+        tied = part[~part["way"].str.endswith("block-specific")]
+        if not tied.empty:
+            parts += [f"{title}:", table(tied)]
+    apart = behind[behind["way"].str.endswith("block-specific")]
+    return "\n\n".join([*parts, BLOCKWISE_HEAD, table(apart)] if not apart.empty else parts)
+
+
+def curves(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row a search and way: points behind CMA-ES's last after each evaluation, as one array ``behind``.
+
+    Searches that CMA-ES has not finished are left out.
+    """
+    aim = frame[frame["way"] == CMA_ES].groupby(KEY)["score"].min()
+    rows = []
+    for (kind, seed, way), part in frame.groupby([*KEY, "way"], sort=False):
+        if (kind, seed) in aim.index:
+            best = part.sort_values("evaluation")["score"].cummin().to_numpy()
+            if way == ONE_MODEL:
+                best = best[int(part["stage1"].iloc[0]) :]
+            rows.append((kind, seed, way, part["dimension"].iloc[0], best - aim[kind, seed]))
+    return pd.DataFrame(rows, columns=[*KEY, "way", "dimension", "behind"])
+
+
+def table(behind: pd.DataFrame) -> str:
+    """A row a way: median and quartiles at each mark it reached, and evaluations it needs."""
+    rows = []
+    for way, part in behind.groupby("way", sort=False):
+        every = list(part["behind"])
+        cells = [
+            spread([one[mark - 1] for one in every]) if all(len(one) >= mark for one in every) else ""
+            for mark in MARKS
+        ]
+        reached = [int(np.argmax(one <= 0.0)) + 1 if (one <= 0.0).any() else np.inf for one in every]
+        needs = np.median(reached)
+        there = f"{sum(map(np.isfinite, reached))} of {len(every)}"
+        rows.append(
+            (
+                way,
+                f"{part['dimension'].median():.0f}",
+                *cells,
+                f"{needs:.0f}" if np.isfinite(needs) else "more",
+                there,
+            )
+        )
+    return markdown_lines(
+        ("Stage 2", "entries of x", *(f"after {mark}" for mark in MARKS), "needs", "reached"), rows
+    )
+
+
+def spread(values: list[float]) -> str:
+    """Median, and quartiles in brackets, points."""
+    low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
+    return f"{middle:+.2f} ({low:+.2f} to {high:+.2f})"
+
 
 if __name__ == "__main__":
     kept.main()

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from openstereo import answer, walk
+from openstereo import answer, rows, walk
+from processes import call, shown
 
 CHECKOUTS = "SFKIT_CHECKOUTS"
 SIZE = (128, 192)  # height and width of the part of the real pair, in pixels
@@ -40,6 +41,22 @@ def measure(name: str, checkouts: Path, real: Path) -> dict[str, Any]:
     """Walk one network's road."""
     case = CASES[name]
     return {"name": name, **walk(case.kind, {"root": str(checkouts / case.root), **case.options}, SIZE, real)}
+
+
+def section() -> str:
+    """One row a network, each measured in a process of its own."""
+    lines = [
+        "## Networks of stand-alone repositories",
+        "",
+        f"`{shown('standalone.py', 'NAME')}` with `SFKIT_CHECKOUTS` naming a folder of checkouts of",
+        "princeton-vl/RAFT-Stereo (March 2023), gangweiX/IGEV (December 2024) and autonomousvision/unimatch",
+        "(January 2025), whose code runs as it stands, and timm 1.0; RAFT-Stereo and IGEV-Stereo run 4",
+        "updates. Weights, pair, seconds and search are as in the OpenStereo section: they tell that all",
+        "steps run and what they take, not how well such networks merge.",
+        "",
+        rows(call("standalone.py", name, "--json") for name in CASES),
+    ]
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

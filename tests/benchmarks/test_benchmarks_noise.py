@@ -17,7 +17,7 @@ from sfkit.search.gaussian_process import fit
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    with imported("noise", "sections.noise") as modules:
+    with imported("noise") as modules:
         yield modules
 
 
@@ -42,15 +42,15 @@ def test_what_a_mean_tells_is_its_rank_correlation_and_regret(scripts: tuple[Mod
 def test_the_section_is_what_finished_runs_say(
     scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    noise, section = scripts
+    (noise,) = scripts
     monkeypatch.setattr(noise, "kept", replace(noise.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
-        section.section()
+        noise.section()
     raced = {"seed": [0, 1, 0, 1], "passes": 24, "finished": [0, 0, 4, 4], "regret": [0.0, 0.4, 0.5, 0.1]}
     pd.DataFrame(raced).to_csv(tmp_path / "racing-00.csv", index=False)
     told = {"seed": 0, "window": [0, 1], "noise": "equal", "correlation": [0.5, 0.7], "regret": [1.0, 2.0]}
     pd.DataFrame(told).to_csv(tmp_path / "images-00.csv", index=False)
-    written = section.section()
+    written = noise.section()
     assert "| no racing | 0.200 (1 of 2) |" in written
     assert "| best 4 finished | 0.300 (0 of 2) |" in written
     assert "| equal | 0.600 | 1.50 |" in written

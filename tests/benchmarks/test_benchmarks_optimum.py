@@ -17,7 +17,7 @@ from sfkit.search.gaussian_process import Array, fit
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    with imported("bayesian", "optimum", "sections.optimum", "landscapes", "exhaustive") as modules:
+    with imported("bayesian", "optimum", "landscapes", "exhaustive") as modules:
         yield modules
 
 
@@ -29,7 +29,7 @@ def land(scripts: tuple[ModuleType, ...]) -> object:
     for mask in range(1, 64):
         members = [value for n, value in enumerate(values.values()) if mask >> n & 1]
         scores[mask] = abs(float(np.mean(members)) - 1.0)
-    return scripts[3].Landscape(scripts[4].SubsetScores(tuple(values), scores, scores))
+    return scripts[2].Landscape(scripts[3].SubsetScores(tuple(values), scores, scores))
 
 
 def test_a_batch_counts_evaluations_rounds_and_time(scripts: tuple[ModuleType, ...], land: object) -> None:
@@ -87,10 +87,10 @@ def test_first_seeds_come_first_and_runs_can_be_asked_for_by_name(
 def test_the_section_is_what_finished_searches_say(
     scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    optimum, section = scripts[1], scripts[2]
-    monkeypatch.setattr(section, "kept", replace(optimum.kept, folder=tmp_path))
+    optimum = scripts[1]
+    monkeypatch.setattr(optimum, "kept", replace(optimum.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
-        section.section()
+        optimum.section()
     infinite = float("inf")
     searched = pd.DataFrame(
         {"search": "GA", "pairs": 20, "seed": range(4), "needed": [50, 70, infinite, 100]}
@@ -100,7 +100,7 @@ def test_the_section_is_what_finished_searches_say(
         row = {"seed": [0], "needed": needed, "rounds": 6, "wall": wall, "busy": 0.9, "seconds": 0.005}
         frame = pd.DataFrame(row).assign(batch=batch, pairs=20)
         frame.to_csv(tmp_path / f"batch-20-{batch:02d}-000.csv", index=False)
-    written = section.section()
+    written = optimum.section()
     assert "| GA | 4 | 75 % | 85 | never | 25 % | 50 % | 2.0 |" in written
     assert "| 4 | 1 | 100 % | 40 | 40 | 100 % | 100 % | 10 | 6 | 12.0 | 2.5 | 62 % | 90 % | 5.0 |" in written
     assert "gains a source" not in written

@@ -32,10 +32,10 @@ def results() -> Iterator[ModuleType]:
 
 
 def test_every_section_can_be_found_and_has_its_parts(results: ModuleType) -> None:
-    names = results.names()
-    assert {"anynet-speed", "bigpool", "foundation-stereo-speed", "nmrf-pool", "nmrf-speed"} <= set(names)
-    for name in names:
-        module = importlib.import_module(f"sections.{name.replace('-', '_')}")
+    modules = results.modules()
+    assert {"anynet-speed", "bigpool", "foundation-stereo-speed", "nmrf-pool", "nmrf-speed"} <= set(modules)
+    for name, where in modules.items():
+        module = importlib.import_module(where)
         assert callable(module.section), name
         assert module.__doc__, name
         assert getattr(module, "DOCUMENT", results.RESULTS) in results.PREAMBLES, name
@@ -159,12 +159,11 @@ def test_the_peak_of_a_process_is_its_own(results: ModuleType) -> None:
 def test_evidence_is_what_finished_comparisons_say(
     results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    names = ("sections.evidence", "evidence", "evidence_bank")
-    section, evidence, bank = (importlib.import_module(name) for name in names)
+    evidence, bank = (importlib.import_module(name) for name in ("evidence", "evidence_bank"))
     end = bank.EVALUATIONS
     monkeypatch.setattr(evidence, "kept", replace(evidence.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
-        section.section()
+        evidence.section()
     columns = ["pairs", "trial", "seed", "evaluations", "distance", "validation", "held", "equal"]
     judges = ["courtyard", "indoor-rooms", "hazy-road", "grey-workshop"]
     after = {"plain": (9.0, 21.0, 31.5, 11.0), "shrinkage 0.05": (9.5, 20.0, 29.0, 10.0)}
@@ -175,7 +174,7 @@ def test_evidence_is_what_finished_comparisons_say(
     header = [*columns, *judges, *(f"{judge}:equal" for judge in judges)]
     lines = [",".join(map(str, row)) for row in (header, *rows)]
     (tmp_path / "guards-02-0.csv").write_text("\n".join(lines), encoding="utf-8")
-    written = section.section()
+    written = evidence.section()
     # Other worlds: the mean of +1, +1.5 and +1, and that of 0, -1 and 0.
     assert "| 2 | plain | -2.00 | +1.00 (0 of 1) | +1.17 (0 of 1) | 0.25 |" in written
     assert "| 2 | shrinkage 0.05 | -2.00 | +1.50 (0 of 1) | -0.33 (1 of 1) | 0.25 |" in written

@@ -17,17 +17,17 @@ from sfkit.datasets import Sample
 
 @pytest.fixture(scope="module")
 def scripts() -> Iterator[tuple[ModuleType, ...]]:
-    with imported("stage2", "sections.stage2", "stage2_worlds", "one_model") as modules:
+    with imported("stage2", "stage2_worlds", "one_model") as modules:
         yield modules
 
 
 def test_the_section_counts_against_cma_es_of_the_same_search(
     scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stage2, section = scripts[0], scripts[1]
+    stage2 = scripts[0]
     monkeypatch.setattr(stage2, "kept", replace(stage2.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
-        section.section()
+        stage2.section()
 
     def finished(seed: int, way: str, scores: list[float]) -> None:
         head = {"world": "bank", "seed": seed, "way": way, "evaluation": range(1, len(scores) + 1)}
@@ -41,7 +41,7 @@ def test_the_section_counts_against_cma_es_of_the_same_search(
     finished(1, stage2.MODEL, [9.0, 8.0] + [7.5] * 8)
     finished(2, stage2.MODEL, [1.0] * 10)  # no CMA-ES of that search yet
     finished(0, stage2.ONE_MODEL, [1.0, 6.0, 6.0, 5.5] + [6.0] * 9)  # the first three are Stage 1's
-    written = section.section()
+    written = stage2.section()
     assert "| CMA-ES | 6 | +3.00 (+2.50 to +3.50)" in written
     assert "+0.00 (+0.00 to +0.00) | 300 | 2 of 2 |" in written
     assert "| model | 6 | -0.25 (-0.62 to +0.12) |  |" in written

@@ -90,7 +90,8 @@ def test_the_result_is_where_the_map_says(row: Row) -> None:
         return
     section = re.fullmatch(r"section `([a-z-]+)`: (.+)", row.result)
     assert section is not None, row.result
-    assert (ROOT / "benchmarks" / "sections" / f"{section[1].replace('-', '_')}.py").is_file()
+    file = f"{section[1].replace('-', '_')}.py"
+    assert any((ROOT / "benchmarks" / folder / file).is_file() for folder in (".", "sections"))
     words = section[2].split("; ")
     held = [cells for cells in tables(section[1]) if all(any(c.startswith(w) for c in cells) for w in words)]
     assert held, f"no table of {section[1]} holds {words}"
