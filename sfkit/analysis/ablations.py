@@ -68,6 +68,7 @@ def validation_sets(
         InputError: two guides of one name.
     """
     few = len(experiment.validation)
+    # As many pairs as the validation benchmark has: a larger guide would win by its size.
     others = benchmarks or [b.first(min(len(b), few)) for b in experiment.reported]
     guides = (experiment.validation, *others)
     names = [guide.name for guide in guides]
@@ -122,6 +123,7 @@ def _criteria(
     cut = [b.first(min(len(b), few)) for b in experiment.reported]
     usual = [(one, one.metric) for one in (experiment.validation, *cut)]
     chosen = [(one, Metric.parse(metric).name) for one, metric in criteria or usual]
+    # Equal criteria fall on one key, which the count below shows.
     rows = {f"{one.name} {metric}": (one, metric) for one, metric in chosen}
     if len(rows) < len(chosen):
         raise InputError(f"fitness criteria: found {[*rows]} more than once, expected each once")
@@ -167,6 +169,7 @@ def stage_variants(
     frames = []
     for seed in seeds:
         seeded = experiment.changed(seed=seed)
+        # Once a seed: variants differ in Stage 2 alone.
         first = seeded.answer(routing=False)
         recipes: dict[str, Recipe] = {}
         for name, settings in chosen.items():
@@ -259,6 +262,7 @@ def scored(
     """
     scores = experiment.scores(recipes)
     columns = list(dict.fromkeys(scores["benchmark"]))
+    # pivot sorts; rows and columns stand as they were asked for.
     table = scores.pivot(index="network", columns="benchmark", values="score").loc[list(recipes), columns]
     table.columns.name = None
     shown = (experiment.validation, *experiment.reported)

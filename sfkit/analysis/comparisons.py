@@ -226,6 +226,7 @@ def compare_networks(
     if reference not in rows:
         raise InputError(f"comparison: found no row {reference!r}, expected one of: {', '.join(rows)}")
     columns = tuple(_column(one, metric) for one in measured)
+    # Of what tests: a guide without labels may be counted in another one.
     unit = common_unit([one for one in measured if not one.validation] or measured, metric)
     made = [_row(name, runs, reference, rows, measured, metric, level) for name, runs in rows.items()]
     return NetworkComparison(reference, columns, _corrected(made), unit)
@@ -249,6 +250,7 @@ def _corrected(rows: Sequence[ComparedNetwork], beside: Sequence[float] = ()) ->
 
 def _rows(networks: Sequence[str], seeds: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
     owner = {run: name for name, runs in seeds.items() for run in runs}
+    # A run that two rows have is once in ``owner``; a row must not be called as a network outside of it.
     if len(owner) != sum(map(len, seeds.values())) or set(seeds) & (set(networks) - set(owner)):
         raise InputError("comparison: a network stands in two rows, expected each in one")
     if unknown := sorted(set(owner) - set(networks)):

@@ -109,6 +109,7 @@ def advantage(reference: Map, network: Map, threshold: float) -> Advantage:
     total = np.count_nonzero(counted)
     if total == 0:
         raise InputError("error maps: found no pixel that counts in both, expected at least one")
+    # inf - inf is NaN, which would say that no pixel counts.
     both = np.isinf(reference) & np.isinf(network)
     with np.errstate(invalid="ignore"):
         difference = np.where(both, np.float32(0), network - reference)
@@ -168,6 +169,7 @@ def outlier_regions(error: Map, threshold: float, *, most: int = 12) -> tuple[Ou
     found: list[OutlierRegion] = []
     with np.errstate(invalid="ignore"):
         waiting = deque((part, threshold) for part in _groups(np.nonzero(error > threshold), error.shape))
+    # It ends: each half exceeds twice the level of its whole, and groups of infinite errors are not split.
     while waiting:
         part, level = waiting.popleft()
         region = _region(error, part, level)

@@ -177,6 +177,7 @@ def panels_of(
         left=sample.left,
         truth=comparand.truth,
         networks=tuple(maps),
+        # Without ground truth all networks together set the one range.
         limits=comparand.limits(np.stack([one.disparity for one in maps])),
         threshold=comparand.threshold,
         right=None if comparand.labelled else sample.right,

@@ -134,6 +134,7 @@ class Experiment:
         """
         scorers, guided = self.scorers(), self.guided
         found: dict[str, tuple[Measured, ...]] = {}
+        # Prepared task vectors make a pool of their own, whose recipes are scored together.
         for owner in dict.fromkeys(own for own, _ in networks.values()):
             recipes = {name: recipe for name, (own, recipe) in networks.items() if own is owner}
             made = measure_with([one.with_pool(owner) for one in scorers], recipes, validation=guided)
@@ -180,6 +181,7 @@ class Experiment:
         wanted = metric or chosen.metric
         asked = (chosen.metric, self.common, *also)
         counted = Quantities.of(wanted, *chosen.measurable(asked))
+        # The device is part of ``compute``: on another one it is another evaluator.
         key = (chosen.fingerprint(), chosen.protocol, wanted, counted, self.compute)
         if key not in self._evaluators:
             kept: dict[str, Any] = {"store": self.store, "compute": self.compute}

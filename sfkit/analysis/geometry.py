@@ -99,6 +99,7 @@ def task_vector_geometry(pool: Pool) -> TaskVectorGeometry:
     made = [_block(pool, block) for block in order]
     moved_by_both = np.sum([part.moved for part in made], axis=0)
     opposed = np.sum([part.opposed for part in made], axis=0)
+    # Where no two sources moved the same parameters there is nothing to divide by.
     with np.errstate(divide="ignore", invalid="ignore"):
         shares = [part.conflicting / part.shared if part.shared else 0.0 for part in made]
         pairs = np.where(moved_by_both > 0, opposed / moved_by_both, 0.0)
@@ -107,6 +108,7 @@ def task_vector_geometry(pool: Pool) -> TaskVectorGeometry:
         sources=names,
         blocks=tuple(blocks[block] for block in order),
         sizes=np.array([part.size for part in made]),
+        # A vector's product with itself is its squared norm.
         norms=np.sqrt(np.diagonal(products, axis1=1, axis2=2)),
         base_norms=np.sqrt([part.base for part in made]),
         products=products,
@@ -131,6 +133,7 @@ def _block(pool: Pool, block: int) -> _Sums:
     square = (len(pool.names), len(pool.names))
     sums = _Sums(np.zeros(square), np.zeros(square), np.zeros(square))
     for base, chunk in _chunks(pool, block):
+        # Products of signs count: 1 where two sources agree, -1 where they differ, 0 where one stood still.
         signs = torch.sign(chunk)
         moved = signs.abs()
         sums.products += (chunk @ chunk.T).numpy()
@@ -138,6 +141,7 @@ def _block(pool: Pool, block: int) -> _Sums:
         sums.moved += both
         sums.opposed += (both - agreeing) / 2  # agreements minus conflicts, of their sum
         count = moved.sum(dim=0)
+        # Signs that agree add up to their number; any conflict leaves less.
         differ = signs.sum(dim=0).abs() < count
         sums.size += chunk.shape[1]
         sums.base += float(base @ base)
@@ -160,4 +164,5 @@ def _chunks(pool: Pool, block: int) -> Iterator[tuple[torch.Tensor, torch.Tensor
 def _cosines(products: Matrix) -> Matrix:
     lengths = np.sqrt(np.diagonal(products))
     with np.errstate(divide="ignore", invalid="ignore"):
+        # Rounding can carry a cosine beyond 1.
         return np.asarray(np.clip(products / np.outer(lengths, lengths), -1.0, 1.0))

@@ -110,6 +110,7 @@ def growth(experiment: Experiment, newcomer: str) -> pd.DataFrame:
     rest = tuple(member for member in pool.spec.sources if member.name != newcomer)
     smaller = experiment.changed(pool=open_pool(replace(pool.spec, sources=rest)))
     before = smaller.stage1()
+    # The other half of the first population is drawn by chance, as ever.
     archive = [candidate.subset for candidate in before.archive(experiment.population // 2)]
     searches = {
         f"before, {len(rest)} sources": before,

@@ -80,6 +80,7 @@ class ShownTable:
             f'<th scope="col" class="text" rowspan="{down}">{escape(str(name))}</th>' for name in self._index
         ]
         lower: list[str] = []
+        # Neighbours alone share a head; the same word farther right begins another group.
         for upper, group in groupby(enumerate(heads), key=lambda pair: pair[1][0]):
             places = [place for place, _ in group]
             alone = not any(heads[place][1] for place in places)
@@ -99,6 +100,7 @@ class ShownTable:
         return [] if names == [None] else [str(name or "") for name in names]
 
     def _rows(self) -> Iterator[str]:
+        # Column by column: a row of several types would turn whole numbers into fractions.
         columns = [list(self.table.iloc[:, place]) for place in range(self.table.shape[1])]
         for key, values, marks in zip(
             self.table.index, zip(*columns, strict=True), self.marks.to_numpy(), strict=True
@@ -214,9 +216,11 @@ def _mean(table: pd.DataFrame, kinds: Mapping[str, tuple[str, bool]], names: lis
 def _said(value: object, digits: int) -> str:
     if value is None or value is pd.NA or value != value:
         return "–"
+    # Before whole numbers, which Python counts truth values among.
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, float | np.floating):
+        # A minus sign is as wide as a figure; a hyphen would shift the column.
         return f"{value:.{digits}f}".replace("-", "−")
     if isinstance(value, int | np.integer):
         return f"{value:,}"

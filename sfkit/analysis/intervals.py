@@ -84,6 +84,7 @@ class RunsOnImages:
             above: (S, n) numerators of each run.
             below: (n,) denominators, the same for all runs; ones for a mean over images.
         """
+        # d(a / b) = (da - (a / b) db) / b, image by image, around the ratio itself.
         ratio = above.sum(axis=1, keepdims=True) / below.sum()
         return cls(ratio + (above - ratio * below) / below.mean())
 
@@ -99,6 +100,7 @@ class RunsOnImages:
         if runs < 2:
             return 0.0
         rows = self.values.mean(axis=1, keepdims=True)
+        # What neither the image nor the run explains, in a two-way layout with one value a cell.
         rest = self.values - self.values.mean(axis=0) - rows + self.values.mean()
         mean_square = float(np.square(rest).sum()) / ((runs - 1) * (images - 1))
         return float(mean_square / (runs * images))
@@ -137,6 +139,7 @@ def paired_estimate(pairs: Sequence[tuple[RunsOnImages, RunsOnImages]]) -> Paire
         if runs > 1:
             means = np.mean([one.scores for one in side], axis=0)
             both = share**2 * math.fsum(one.interaction for one in side)
+            # An estimated variance can come out below 0.
             parts.append((max(0.0, float(means.var(ddof=1)) / runs - both), runs - 1))
     variance = math.fsum(part for part, _ in parts)
     # Welch and Satterthwaite; a part of no variance has no say in it.

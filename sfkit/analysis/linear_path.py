@@ -142,6 +142,7 @@ def linear_paths(evaluator: Evaluator, *, between: bool = True) -> LinearPaths:
         between: whether lines between sources are scored too.
     """
     pool = evaluator.pool
+    # Keys say what a network is made of: () the base, a name a source, two names the middle of a line.
     recipes: dict[tuple[str, ...], Recipe] = {(): pool.base_recipe()}
     for name in pool.names:
         recipes[(name,)] = pool.equal(name)

@@ -47,6 +47,7 @@ class Measured:
 
     def __post_init__(self) -> None:
         """Check that all networks saw the same images in one order; raises InputError otherwise."""
+        # A network that failed has no images, and fits any order.
         seen = {tuple(image.id for image in errors): name for name, errors in self.images.items() if errors}
         if len(seen) > 1:
             (ids, first), (others, second), *_ = seen.items()

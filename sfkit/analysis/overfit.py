@@ -91,15 +91,18 @@ def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> Holdou
     for fold in range(search.folds):
         at_zero = zero.outcome.parts[fold]
         found = [c for c in search.candidates if c.fold == fold and not c.failed]
+        # What a search without a hold-out would take; of equals the earlier.
         lead = min((zero, *found), key=lambda c: (c.outcome.parts[fold].guiding + c.penalty, c.number))
         chosen = (best or zero).outcome.parts[fold].held
         part = lead.outcome.parts[fold]
+        # Each against x = 0 of the same fold: folds differ in how hard they are.
         rows.append((part.guiding - at_zero.guiding, part.held - at_zero.held, chosen - at_zero.held))
         leads.append(lead.recipe)
     guiding, held, chosen = (math.fsum(column) / len(rows) for column in zip(*rows, strict=True))
     evaluators = evaluators_of(search.scorer)
     pairs = sum(len(images) for evaluator in evaluators for images in evaluator.splits)
     several = search.scorer if isinstance(search.scorer, CombinedScorer) else None
+    # Intervals are over images of a mean; the worst of several, or their changes, are none.
     by_mean = several is None or (several.how == "mean" and several.changes is None)
     interval = _interval(evaluators, zero.recipe, leads, held) if by_mean else None
     among = sum(not (c.failed or c.repeated) for c in search.candidates)

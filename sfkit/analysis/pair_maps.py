@@ -98,6 +98,7 @@ class Comparand:
             right: the same of the right image.
             reduction: by how much height and width were divided.
         """
+        # Picked: a mean across an edge is a depth that nothing has. Disparities shrink with the width.
         truth = self.truth[::reduction, ::reduction] / np.float32(reduction)
         small = Sample(self.sample.id, left, right, truth)
         return Comparand(small, truth, self.threshold)
@@ -121,6 +122,7 @@ def disparity_limits(disparity: Map) -> tuple[float, float]:
     known = disparity[np.isfinite(disparity)]
     if known.size == 0:
         raise InputError("ground truth: found no valid pixel, expected at least one to set a colour range")
+    # One wild pixel would stretch the range until all others look alike.
     low, high = np.percentile(known, [1.0, 99.0])
     bottom = int(np.floor(low))
     return float(bottom), float(max(int(np.ceil(high)), bottom + 1))

@@ -63,6 +63,7 @@ class Difference:
             return None
         if math.isnan(self.p):
             return self.interval[0] <= 0.0 <= self.interval[1]
+        # The corrected p-value decides; the interval is that of one difference alone.
         return self.p >= 1.0 - self.level
 
     @property
@@ -183,6 +184,7 @@ def paired_difference(
     found = Difference(
         one_side, other_side, benchmarks, images, unit, value, None, level, lower_is_better=lower
     )
+    # The value stands: only whether it is noise cannot be told.
     if reason := _reason(several, scores):
         return replace(found, reason=reason)
     pairs = [tuple(runs_on_images(one, side, metric) for side in sides) for one in several]

@@ -183,6 +183,7 @@ def _told(
         elif len(entry["subset"]) < SMALLEST:  # a source alone teaches the model and wins nothing
             continue
         best = min(best, score)
+    # The shape is given: without a row there would be no columns to unpack.
     number, mean, sd, bound, measured, before = np.array(rows, dtype=np.float64).reshape(len(rows), 6).T
     return Predictions(
         metric=metric,
@@ -199,11 +200,13 @@ def _told(
 
 def _honest(level: float, count: int) -> tuple[float, float]:
     """Ends of the middle 95 % of a binomial share."""
+    # The binomial's distribution function at 0 to count; 2.5 % lie beyond each end.
     below = bdtr(np.arange(count + 1), count, level)
     return tuple(float(np.searchsorted(below, tail) / count) for tail in (0.025, 0.975))  # type: ignore[return-value]
 
 
 def _correlation(one: Floats, other: Floats) -> float:
+    # Two points always lie on a line, and a constant has no correlation.
     if len(one) < 3 or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
         return math.nan
     return float(np.corrcoef(one, other)[0, 1])

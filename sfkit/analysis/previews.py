@@ -63,6 +63,7 @@ class PairPreview:
     def __init__(self, evaluator: Evaluator, pair: str | None = None) -> None:
         self.evaluator = evaluator
         self._model = evaluator.compute.model(evaluator.pool)
+        # One network, re-merged in place: two looks at once would mix their weights.
         self._busy = threading.Lock()
         self._reduced: dict[int, tuple[PreparedPair, Comparand]] = {}
         self.choose(pair or evaluator.benchmark.ids[0])

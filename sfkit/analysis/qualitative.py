@@ -47,6 +47,7 @@ def qualitative_grid(
     rows = []
     for benchmark in benchmarks:
         pair = (pairs or {}).get(benchmark.name)
+        # The first pool's panels bring image and range, the others their networks.
         first, *others = (
             disparity_panels(pool, found, benchmark, pair=pair, compute=compute) for pool, found in named
         )

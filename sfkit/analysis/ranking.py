@@ -133,7 +133,9 @@ def drawn_networks(pool: Pool, subsets: int, *, seed: int = 0) -> dict[str, Reci
     for _ in range(20 * subsets):  # a small pool runs out of new ones
         if len(found) >= len(yardstick_recipes(pool)) + subsets or len(names) < 3:
             break
+        # 2 to N - 1: singles and the whole are among the yardsticks.
         size = int(rng.integers(2, len(names)))
+        # In the pool's order: a subset has one name.
         kept = sorted(rng.choice(len(names), size=size, replace=False).tolist())
         found.setdefault("+".join(names[n] for n in kept), pool.equal(*(names[n] for n in kept)))
     return found
@@ -181,6 +183,7 @@ def agreement(
     ours, theirs = np.asarray(census, np.float64), np.asarray(truth, np.float64)
     drawn = generator(seed, Stream.TRUST).integers(len(ours), size=(DRAWS, len(ours)))
     spread = rank_correlations(ours[drawn], theirs[drawn])
+    # A draw that repeats one network only has no correlation.
     low, high = np.nanpercentile(spread, (2.5, 97.5))
     regret = float(theirs[int(ours.argmin())] - theirs.min())
     return Agreement(rank_correlation(ours, theirs), (float(low), float(high)), regret, len(ours), metric)
@@ -197,5 +200,6 @@ def rank_correlations(first: Scores, second: Scores) -> Scores:
     one, other = (ranks - ranks.mean(axis=1, keepdims=True) for ranks in (one, other))
     spread = np.sqrt((one**2).sum(axis=1) * (other**2).sum(axis=1))
     found: Scores = np.full(len(spread), np.nan)
+    # Rows without spread keep their NaN, and nothing warns.
     np.divide((one * other).sum(axis=1), spread, out=found, where=spread > 0)
     return found

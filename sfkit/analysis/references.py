@@ -40,6 +40,7 @@ def reference_rows(columns: Sequence[ComparedColumn], label: str = "tab:zero_sho
     table = published(label)
     if not shared:
         return pd.DataFrame()
+    # Levels of one name say it once.
     names = [" ".join(dict.fromkeys(key)) if isinstance(key, tuple) else str(key) for key in table.index]
     rows = table.set_axis([f"{name} {PUBLISHED}" for name in names])[shared]
     if set(BENCHMARKS) == {c.benchmark for c in columns}:

@@ -71,6 +71,7 @@ def textureless_mask(
     The squared difference to the right neighbour, averaged over ``window`` x ``window`` pixels and the three
     channels, is below ``limit`` (grey levels squared, of 0 to 255). Edges are replicated.
     """
+    # Appended: the last column has no right neighbour, and differs by 0.
     difference = np.diff(image.astype(np.float32), axis=1, append=image[:, -1:].astype(np.float32))
     squared = np.square(difference).mean(axis=2)
     return np.asarray(cv2.blur(squared, (window, window), borderType=cv2.BORDER_REPLICATE) < limit)
@@ -136,6 +137,7 @@ def _textureless(
     evaluator: Evaluator, recipe: Recipe, worker: Worker, model: LiveModel
 ) -> tuple[ImageErrors, ...]:
     """Errors over textureless pixels alone, which stand under ``all``; from the store where it has them."""
+    # A key of its own, with window and limit: by others it is another measurement.
     description = {**evaluator.describe(recipe), "only": f"{TEXTURELESS} {WINDOW} {LIMIT:g}"}
     key = evaluation_key(description)
     held = evaluator.store.get(key)
@@ -167,6 +169,7 @@ def _shares(found: Mapping[str, Sequence[Sequence[ImageErrors]]]) -> NDArray[np.
         images = next((images for images in each if images), ())
         stored = "all" if region == TEXTURELESS else region
         count[region] = sum(image.region(stored).pixels for image in images)
+    # Where no mask tells them apart neither is counted; of what is told apart both make up the whole.
     split = count.get("visible", 0) + count.get("occluded", 0)
     whole = {region: split if region in ("visible", "occluded") else count["all"] for region in count}
     return np.array([100.0 * count[region] / whole[region] if whole[region] else 0.0 for region in count])

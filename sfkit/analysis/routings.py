@@ -80,11 +80,13 @@ class RoutingTrace:
 
     def drawn(self, limit: int = LIMIT) -> Whole:
         """Numbers of at most ``limit`` evaluations to draw: new incumbents and an even choice."""
+        # -1 before the first: the first finite score is a new best, too.
         changes = np.flatnonzero(np.diff(self.incumbent, prepend=-1))
         return drawn_points(len(self), changes.tolist(), limit)
 
     def iterations(self, limit: int = LIMIT) -> Whole:
         """Numbers of the first evaluations of fewer than ``limit`` generations, and of the very last one."""
+        # -1 before the first: generation 0 begins at evaluation 0.
         first = np.flatnonzero(np.diff(self.generation, prepend=-1))
         return np.union1d(first[drawn_points(len(first), limit=limit - 1)], [len(self) - 1])
 

@@ -83,6 +83,7 @@ def parallel_axes(routes: Sequence[RoutedCandidate]) -> ParallelAxes:
     """Routes as lines; at least one."""
     values = tuple((*route.weights.values(), *route.scales.values(), route.score) for route in routes)
     columns = tuple(zip(*values, strict=True))
+    # What is drawn last lies on top.
     lines = tuple(sorted(range(len(routes)), key=lambda number: -routes[number].score))
     return ParallelAxes(
         names=(*routes[0].weights, *routes[0].scales, "score"),

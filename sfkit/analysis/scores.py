@@ -75,6 +75,7 @@ def score_grid(scores: pd.DataFrame) -> ScoreGrid:
             )
         validation = bool((part["role"] == "validation").any())
         columns.append(ScoreColumn(str(name), str(metric), str(part["unit"].iloc[0]), validation))
+        # Where a network was not scored, reindexing leaves NaN.
         values.append(part.set_index("network")["score"].reindex(list(networks)).to_numpy(np.float64))
     return ScoreGrid(networks, tuple(columns), np.stack(values, axis=1))
 

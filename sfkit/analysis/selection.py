@@ -112,6 +112,7 @@ def selection_statistics(
                 f"selection: run {run!r} chose {list(recipe.sources)}, expected some of {', '.join(names)}"
             )
         columns = [names.index(source) for source in recipe.sources]
+        # Over blocks, whose rows are equal where they are tied.
         weights[row, columns] = np.mean(recipe.weights, axis=0)
         chosen[row, columns] = True
     if groups is not None and (missing := [run for run in recipes if run not in groups]):

@@ -102,6 +102,7 @@ def data_similarity(
     describe = _rgb if cue == "rgb" else _with_network(pool, cue, block, compute)
     moments = [_moments(describe, each) for each in (*(sources[name] for name in names), *targets)]
     means, variances = (np.stack(part) for part in zip(*moments, strict=True))
+    # All data sets in one call, for one scale; sources against targets is a corner of it.
     distances = frechet(means, variances)[: len(names), len(names) :]
     return DataSimilarity(cue, names, tuple(target.name for target in targets), distances)
 
@@ -180,6 +181,7 @@ def warping_residual(sample: Sample, disparity: NDArray[np.float32]) -> Values:
     height, width = disparity.shape
     rows, columns = np.indices((height, width), dtype=np.float32)
     shown = np.nan_to_num(disparity, nan=0.0, posinf=0.0, neginf=0.0)
+    # Beyond the image there is nothing to compare with: its edge goes on.
     warped = cv2.remap(sample.right, columns - shown, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     differences = np.abs(sample.left.astype(np.float64) - warped.astype(np.float64)).reshape(-1, 3)
     return np.hstack([differences, 100.0 * shown.reshape(-1, 1).astype(np.float64) / width])

@@ -44,6 +44,7 @@ def costs_of(runs: Mapping[str, BaselineResult]) -> tuple[MethodCost, ...]:
     """
     methods: dict[str, dict[int, BaselineResult]] = {}
     for result in runs.values():
+        # Draws of one run share its history; runs with other seeds have one each.
         methods.setdefault(result.label, {})[id(result.history)] = result
     return tuple(
         MethodCost(

@@ -60,6 +60,7 @@ def study(
     if experiment.resamples:
         check_averaging(experiment.scorer())
         settings[AVERAGE] = {"resamples": experiment.resamples, **settings.get(AVERAGE, {})}
+        # It comes last, when what its stages ask for is in the store.
         methods = None if methods is None else [name for name in methods if name != AVERAGE]
     run = _run(experiment, used[0], methods, tests, settings, progress)
     if experiment.resamples:
@@ -117,6 +118,7 @@ def _seeded(
 ) -> dict[str, BaselineResult]:
     """Results by network name: one a seed, or one a draw, of what draws."""
     again = [name for name in AGAIN if name in run.results]
+    # The first seed ran together with all other methods.
     others = {seed: _run(experiment, seed, again, (), settings, progress) for seed in seeds[1:] if again}
     runs: dict[str, BaselineResult] = {}
     for name, result in run.results.items():

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pandas.io.formats.style import Styler
 
 BEST, SECOND = "best", "second"
+# In one pass: one after the other, the first one's backslashes would be escaped again.
 _SPECIAL = str.maketrans(
     {
         "\\": r"\textbackslash{}",
@@ -89,6 +90,7 @@ def ranks(
         raise unknown_name("way to compare", along, ("row", "column"))
     chosen = list(columns if columns is not None else table.select_dtypes("number").columns)
     marks = pd.DataFrame("", index=table.index, columns=table.columns)
+    # Turned around where more is better: one order serves both.
     values = table[chosen].to_numpy(np.float64) * (1.0 if lower_is_better else -1.0)
     lines = values if along == "row" else values.T
     words = np.array([_ranked(line) for line in lines], dtype=object).reshape(lines.shape)
@@ -97,6 +99,7 @@ def ranks(
 
 
 def _ranked(line: np.ndarray[tuple[int], np.dtype[np.float64]]) -> list[str]:
+    # By value, not by place: equal cells share a mark.
     levels = sorted(set(line[np.isfinite(line)].tolist()))
     words = dict(zip(levels, (BEST, SECOND), strict=False))
     return [words.get(float(value), "") for value in line]
@@ -107,6 +110,7 @@ def shown(table: pd.DataFrame, *, digits: int = 2) -> Styler:
 
     pandas escapes the names in a plain table and leaves them as HTML in a styled one.
     """
+    # Names alone change, so that values need no copy.
     table = table.copy(deep=False)
     table.index, table.columns = (
         labels.set_names([None if name is None else html.escape(str(name)) for name in labels.names])
@@ -227,6 +231,7 @@ def export_table(
     write_table(plain, Path(folder) / f"{name}.csv")
     flat = table.set_axis([" / ".join(row) for row in _names(table)[1:]])
     flat.index.name = " / ".join(str(level) for level in table.index.names if level)
+    # Rounded first: what prints alike is marked alike.
     marks = ranks(table.round(digits), along="column", columns=lower_is_better).set_axis(flat.index)
     text = _latex(flat, marks.replace(SECOND, ""), digits, caption, f"tab:{name}")
     write_text(Path(folder) / f"{name}.tex", text)

@@ -57,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _run(words: list[str]) -> int:
     try:
         words, files, trusted = own_code.split(words)
+        # Its -p takes two words, as papermill's does, which no parser of options knows.
         if words[:1] == ["report"]:
             from sfkit.cli.report import join_parameters
 
@@ -70,8 +71,10 @@ def _run(words: list[str]) -> int:
     except SfkitError as error:
         return _refuse(str(error), 1)
     except OSError as error:
+        # No file is to blame where the disk is full.
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             return _refuse(f"{error.strerror}: make room and start again, what was evaluated is stored", 2)
+        # Without a file it is no slip of the user's, and is shown whole.
         if error.filename is None:
             raise
         return _refuse(f"{error.filename}: {error.strerror}", 2)

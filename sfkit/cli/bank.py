@@ -46,6 +46,7 @@ def build(
     with Bars() as bars:
 
         def advance(what: str, done: int, of: int) -> None:
+            # A network is rendered, then trained: two bars.
             network, _, note = what.partition(": ")
             step = f"{network}, rendering" if note == "rendering" else network
             bars(step, done, of, note, line=f"{what}: {done} of {of}")

@@ -111,6 +111,7 @@ def _methods(text: str) -> tuple[str, ...]:
     """The methods that are asked for, refused before any of them runs."""
     from sfkit.baselines import baseline_named
 
+    # Each once, in the order that was asked for.
     found = tuple(dict.fromkeys(names(text)))
     if not found:
         raise InputError("--names is empty, expected methods such as uniform,task_arithmetic,ties")
@@ -141,6 +142,7 @@ def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> st
     from sfkit.baselines import baseline_named, baseline_table
     from sfkit.evaluation.combining import LABEL
 
+    # Metrics of unlike kinds are compared as changes, which have no unit.
     unlike = len({one.metric.needs_truth for one in evaluators}) > 1
     unit = "" if unlike else evaluators[0].metric.unit
     guides = [f"{one.benchmark.name} (protocol {one.benchmark.protocol})" for one in evaluators]

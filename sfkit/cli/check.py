@@ -59,6 +59,7 @@ def check(
         lines += [table.to_string(index=False, float_format="%.2f", na_rep="") for table in tables]
         lines += paths.sentences
         document |= {
+            # JSON has no NaN.
             "members": members.astype(object).where(members.notna(), None).to_dict("records"),
             "paths": paths.table().to_dict("records"),
             "harmful": list(paths.harmful),

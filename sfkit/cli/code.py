@@ -40,6 +40,7 @@ def split(words: Sequence[str]) -> tuple[list[str], list[Path], bool]:
             files.append(Path(name))
         else:
             rest.append(word)
+        # What follows are no options.
         if word == "--":
             return [*rest, *waiting], files, trusted
     return rest, files, trusted

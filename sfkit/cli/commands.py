@@ -35,6 +35,7 @@ class Entry:
             module.app.info.help = self.help
             _strict(module.app)
             return typer.main.get_group(module.app)
+        # An application of one command, of which typer makes a command of click's.
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
         function = getattr(module, self.function)
         if self.grouped:

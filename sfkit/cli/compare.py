@@ -82,6 +82,7 @@ def compare(
 
         measured = measure_networks(models, chosen, metrics=metrics, progress=advance, look=look)
     asked = tuple(one.name for one in chosen.measurable(metrics)) or (measured.metric,)
+    # Several metrics are several claims.
     found = corrected([paired_difference(measured, b, a, metric=metric) for metric in asked])
     document = {
         "benchmark": chosen.describe(),
@@ -124,6 +125,7 @@ def _write(panels: DisparityPanels, a: str, b: str, folder: Path) -> Iterable[Pa
 
     files = _files(folder, panels.pair)
     for name, picture in pair_pictures(advantage_panels(panels, a, b)).items():
+        # OpenCV writes blue first.
         write_png(files[name], np.ascontiguousarray(picture[..., ::-1]))
         yield files[name]
 

@@ -61,7 +61,9 @@ def _value(value: Any, annotation: Any, place: str) -> Any:
             many = len(inner) if get_origin(kind) is tuple else "any number of"
             raise InputError(f"{place}: found {value!r}, expected a list of {many} values")
         return [_value(entry, inner[0], place) for entry in value]
+    # TOML tells 1 from 1.0; an option that wants a number takes both.
     accepted = {float: (float, int), Path: (str,)}.get(kind, (kind,))
+    # true is a whole number to Python.
     if not isinstance(value, accepted) or (isinstance(value, bool) and kind is not bool):
         raise InputError(f"{place}: found {value!r}, expected {_WORDS[kind]}")
     return str(home(value)) if kind is Path else value

@@ -92,6 +92,7 @@ def evaluate(
     recipes = opened.alone() if members else {}
     recipes |= _all_subsets(opened) if all_subsets else {}
     recipes |= {name: choose(opened) for name, choose in asked.items()}
+    # One pool for each preparation, not for each recipe: task vectors are large.
     pools = {recipe.preparation: prepared(name, opened, recipe) for name, recipe in recipes.items()}
     evaluator = Evaluator(opened, chosen, also=metrics, compute=compute)
     with store_of(store) as kept, evaluator.with_store(kept) as scorer:
@@ -109,6 +110,7 @@ def evaluate(
     document = _document(opened, evaluator, scores)
     document |= {} if each is None else {"images": each.to_dict(orient="records")}
     emit(document, _text(evaluator, scores, each), as_json=json)
+    # The table tells of those that failed; where all did, the command did.
     if scores["failure"].notna().all():
         raise typer.Exit(1)
 
@@ -126,6 +128,7 @@ def _scores(
     for name, recipe in recipes.items():
         groups.setdefault(recipe.preparation, {})[name] = recipe
     made = [table([scorer.with_pool(pools[steps])], group) for steps, group in groups.items()]
+    # Rows stand as they were asked for, whichever group scored them.
     order = {name: place for place, name in enumerate(recipes)}
     found = pd.concat(made, ignore_index=True)
     return found.sort_values("network", key=lambda names: names.map(order), kind="stable", ignore_index=True)

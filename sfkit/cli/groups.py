@@ -88,6 +88,7 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
         else:
             groups[name] = group
             for option in group.options().values():
+                # An option that two records have is the first one's.
                 options.setdefault(option.name, option)
     plain = [name for name in options if name in inspect.signature(command).parameters]
     options["config"] = _config_option({name: option.annotation for name, option in options.items()})
@@ -110,6 +111,7 @@ class PlainHelp:
         """The rest of the words, the parameters' values in ``ctx``."""
         for parameter in self.get_params(ctx):  # type: ignore[attr-defined]
             ask = getattr(parameter, "get_runtime_param", None)
+            # Once: a command may be parsed again in the same process.
             if ask is not None and not isinstance(ask, functools.partial):
                 parameter.get_runtime_param = functools.partial(Typed, ask)
         return super().parse_args(ctx, args)  # type: ignore[misc]

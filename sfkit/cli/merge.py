@@ -60,8 +60,10 @@ def merge(
 
     opened = pool_of(pool, dtype=dtype)
     for member in (opened.base, *opened.sources):
+        # By the file, not by its name: a link leads to the pool's own, too.
         if out.exists() and out.samefile(member.path):
             raise InputError(f"--out: {out} is the pool's own {member.name!r}, give another name")
+    # A merge is as large as its base.
     ensure_room(out, opened.base.path.stat().st_size)
     ((name, choose),) = asked.items()
     chosen = choose(opened)

@@ -244,6 +244,7 @@ def _named(path: str | Path, make: Callable[[], Made]) -> Made:
 def emit(document: Mapping[str, Any], text: str, *, as_json: bool) -> None:
     """Print a result: the document as JSON, or the text."""
     if as_json:
+        # Whatever NaN were left would be no JSON: better an error.
         typer.echo(json.dumps(_plain(document), indent=2, allow_nan=False))
     else:
         typer.echo(coloured(printable(text), sys.stdout))

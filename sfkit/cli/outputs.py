@@ -112,6 +112,7 @@ def _marks(path: Path) -> frozenset[object]:
         found = path.stat()
     except OSError:
         return frozenset((place,))
+    # Hard links of one file differ in their places alone.
     return frozenset((place, (found.st_dev, found.st_ino)))
 
 

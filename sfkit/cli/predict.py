@@ -105,6 +105,7 @@ def predict(
     if known is not None:
         say(f"cameras: {known}")
     rows = list(_predicted(model, plan))
+    # A video has one for all its frames, pairs have one each.
     overview = getattr(plan, "overview", None)
     text = "\n".join(map(_line, rows)) if overview is None else _summary(rows, overview)
     emit({"predictions": rows, "overview": overview}, text, as_json=json)

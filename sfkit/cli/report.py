@@ -54,6 +54,7 @@ def report(
     places = Places()
     places.reads("NOTEBOOK", notebook)
     for name, value in values.items():
+        # Any text with an ending may name a file that the notebook reads.
         if isinstance(value, str) and "\0" not in value and Path(value).suffix:
             places.reads(f"-p {name}", Path(value))
     places.file("--out", out, ".html", force=True)
@@ -77,6 +78,7 @@ def join_parameters(arguments: Sequence[str]) -> list[str]:
         joined.append(word)
         if word in ("-p", "--parameter"):
             name = next(words, None)
+            # NAME=VALUE is one word already.
             if name is not None:
                 joined.append(name if "=" in name else f"{name}={next(words, '')}")
     return joined

@@ -164,6 +164,7 @@ def import_(
     try:
         with _existing(source) as opened, EvaluationStore(into) as target:
             copied, held = import_evaluations(opened, target)
+    # Row by row: what is whole in a damaged file is copied.
     except DamagedStoreError:
         with EvaluationStore(into) as target:
             found = rescue(source, target)

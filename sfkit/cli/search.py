@@ -130,6 +130,7 @@ def search(
         start=recipe_of(start) if start is not None else None,
         resamples=resamples,
     )
+    # The model has sizes of its own; those that were named go before them.
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     tests = tests_of(test, guides)
     opened = pool_of(pool, blocks, dtype)
@@ -150,10 +151,12 @@ def search(
             say(doubt)
         price = cost(opened, evaluators, plan)
         say(f"cost: {price}")
+        # What each stage found is scored on the tests.
         brings = 1 + (plan.stage2 is not None) + (plan.resamples > 0)
         say(f"verdict: {missing(opened, evaluators, judges, stages=brings)}")
         if other := _other_cost(plan, price, opened):
             say(other)
+        # A script has nobody to answer.
         long = price.minutes > LONG and sys.stdin.isatty() and not yes
         if long and not typer.confirm("Start?", default=True, err=True):
             raise typer.Abort

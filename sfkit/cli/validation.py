@@ -93,6 +93,7 @@ def scoring(
         if not isinstance(guide, CombinedScorer):
             yield evaluators, evaluators[0]
             return
+        # Made anew, of evaluators that have the store.
         together = CombinedScorer(evaluators, guide.how)
         if together.changes is not None:
             say(f"guided by: {together.how} {LABEL} (metrics with and without ground truth)")

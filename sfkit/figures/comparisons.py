@@ -41,6 +41,7 @@ def comparison_figure(
         (Judgement.UNKNOWN, "x", look.muted),
     )
     for name, symbol, colour in groups:
+        # NaN equals nothing: a network that failed gets no dot.
         rows = [(network, d) for network, d in found if d.word is name and d.value == d.value]
         if not rows:
             continue
@@ -54,6 +55,7 @@ def comparison_figure(
             error_x={
                 "type": "data",
                 "symmetric": False,
+                # Lengths, as plotly wants them, not ends.
                 "array": [high - d.value for (_, d), (_, high) in zip(rows, intervals, strict=True)],
                 "arrayminus": [d.value - low for (_, d), (low, _) in zip(rows, intervals, strict=True)],
                 "color": colour,
@@ -62,6 +64,7 @@ def comparison_figure(
             hovertemplate="%{y}: %{x:+.2f} " + comparison.unit + f"<extra>{name}</extra>",
         )
     figure.add_vline(x=0.0, line={"color": look.muted, "dash": "dot", "width": 1}, layer="below")
+    # In the table's order, whichever group draws first.
     order = [escape(network) for network, _ in found]
     figure.update_yaxes(
         type="category",
@@ -163,6 +166,7 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
     drawn = [d for d in differences if math.isfinite(d.value)]
     ends = [d.interval or (d.value, d.value) for d in drawn]
     colours = [COLOURS.get(d.word, muted) for d in drawn]
+    # Lines before dots: what comes later is drawn on top.
     for difference, (low, high), colour in zip(drawn, ends, colours, strict=True):
         figure.add_scatter(
             x=[low, high],
@@ -191,6 +195,7 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
         col=col,
     )
     reach = [end for pair in ends for end in pair]
+    # 0 is what one compares with, and always in sight.
     low, high = min([0.0, *reach]), max([0.0, *reach])
     margin = 0.06 * (high - low) or 1.0
     figure.update_xaxes(range=[low - margin, high + margin], row=row, col=col)

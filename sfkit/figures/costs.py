@@ -32,6 +32,7 @@ def cost_figure(costs: Sequence[StageCost], *, theme: str = "auto", height: int 
         ("repeated, not evaluated", muted, [c.repeated for c in costs], None),
     )
     for name, colour, evaluations, seconds in parts:
+        # One entry in the legend for the bars of both panels.
         bar: dict[str, Any] = {"y": stages, "orientation": "h", "name": name, "legendgroup": name}
         bar["marker"] = {"color": colour, "line": {"width": 0}}
         hover = f"%{{y}}: %{{x:,}} {name}<extra></extra>"
@@ -87,6 +88,7 @@ def method_cost_figure(
         figure.update_xaxes(title_text=title, row=1, col=col)
     figure.update_yaxes(type="category", autorange="reversed")
     figure.update_yaxes(title_text="method", row=1, col=1)
+    # By evaluations: seconds depend on the machine.
     dearest = max(costs, key=lambda cost: cost.evaluations)
     return finish(
         figure,

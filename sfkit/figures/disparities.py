@@ -46,6 +46,7 @@ def disparity_figure(
     second = "ground truth" if panels.right is None else "right image"
     rows = 1 + len(panels.networks)
     panel = (width - 150) / 2 * panels.truth.shape[0] / panels.truth.shape[1]
+    # 34 px above each row hold its titles, 114 are the margins.
     height = round(rows * (panel + 34) + 114)
     figure = make_subplots(
         rows=rows,
@@ -105,6 +106,7 @@ def _keys(figure: go.Figure, panels: DisparityPanels) -> None:
     low, high = panels.limits
     octaves = np.arange(-ERROR_SPAN, ERROR_SPAN + 1)
     labels = [f"{panels.threshold * 2.0**octave:.3g}" for octave in octaves]
+    # What lies beyond takes the colours of the ends.
     labels[0], labels[-1] = f"≤ {labels[0]}", f"≥ {labels[-1]}"
     add_colour_bar(figure, "disparity (px)", DISPARITY, (low, high), length=0.46)
     ends, ticks = (-ERROR_SPAN, ERROR_SPAN), (octaves.tolist(), labels)

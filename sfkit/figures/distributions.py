@@ -32,6 +32,7 @@ def cmaes_figure(trace: RoutingTrace, *, theme: str = "auto", height: int = 620)
         *([] if trace.by_model else [("axis lengths (in x)", trace.axes)]),
     ]
     rows = 1 + len(panels)
+    # Scores get the most room: they are what one looks for.
     heights = [3, 2, 2][:rows]
     figure = make_subplots(rows=rows, cols=1, shared_xaxes=True, vertical_spacing=0.06, row_heights=heights)
     _scores(figure, trace)
@@ -56,6 +57,7 @@ def cmaes_figure(trace: RoutingTrace, *, theme: str = "auto", height: int = 620)
 def _scores(figure: go.Figure, trace: RoutingTrace) -> None:
     drawn = trace.drawn().tolist()
     scored = [n for n in drawn if math.isfinite(trace.score[n])]
+    # They are drawn above all others, so that nobody reads them as scores.
     failed = [n for n in drawn if not math.isfinite(trace.score[n])]
     led = [n for n in drawn if trace.incumbent[n] >= 0]
     dots = {"size": 5, "color": WARM, "opacity": 0.5}

@@ -168,9 +168,11 @@ def _scores(figure: go.Figure, history: PopulationHistory, shown: Sequence[Indiv
 def _axes(figure: go.Figure, history: PopulationHistory, shown: int) -> None:
     figure.update_xaxes(type="category", showgrid=False, col=1)
     figure.update_xaxes(title_text="source", row=2, col=1)
+    # plotly counts axes row by row: x4 is the one below.
     figure.update_xaxes(matches="x4", row=1, col=2)
     figure.update_xaxes(title_text=metric_label(history.metric), row=2, col=2)
     figure.update_yaxes(tickformat="d", showgrid=False)
+    # From large to small: time runs down, and the best is on top.
     time, ranks = [history.generations - 0.5, -0.5], [shown + 0.5, 0.5]
     numbers = whole_ticks(0, history.generations - 1)
     figure.update_yaxes(title_text="generation (number)", range=time, tickvals=numbers, row=1, col=1)
@@ -232,6 +234,7 @@ def evolution_figure(
     _archive(figure, evolution, best, theme)
     generations = whole_ticks(0, evolution.history.generations - 1)
     figure.update_xaxes(tickvals=generations, col=1)
+    # x3 is the one below: the panel at the right spans both rows.
     figure.update_xaxes(matches="x3", showticklabels=False, row=1, col=1)
     figure.update_xaxes(title_text=GENERATION, row=2, col=1)
     figure.update_yaxes(title_text="size (sources)", rangemode="tozero", tickformat="d", row=1, col=1)

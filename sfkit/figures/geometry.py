@@ -40,6 +40,7 @@ def geometry_figure(
     )
     cosines = geometry.cosines.copy()
     np.fill_diagonal(cosines, np.nan)  # 1 by definition, and would take all the colour
+    # Each beside its own panel; plotly would put both at the right edge.
     bars = [{"x": 0.535, "xanchor": "left"}, {"x": 1.01, "xanchor": "left"}]
     figure.add_trace(
         matrix(
@@ -73,6 +74,7 @@ def geometry_figure(
         row=1,
         col=2,
     )
+    # plotly counts upwards; the first source stands on top, as in tables.
     figure.update_yaxes(type="category", autorange="reversed")
     figure.update_yaxes(title_text="source", row=1, col=1)
     figure.update_xaxes(type="category", tickangle=-40)

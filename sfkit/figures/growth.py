@@ -74,6 +74,7 @@ def _answer(record: PopulationSizes) -> str:
     means = record.best.mean(axis=1)
     best = float(means.min())
     spread = float(record.best.max() - record.best.min())
+    # The smallest that comes near: a larger population only costs more.
     near = next(size for size, mean in zip(record.sizes, means, strict=True) if mean <= best + 0.05 * spread)
     dotted = "; dotted: the best of all subsets" if record.optimum is not None else ""
     return (

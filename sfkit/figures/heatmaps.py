@@ -58,6 +58,7 @@ def matrix(
     return go.Heatmap(
         x=list(columns),
         y=list(rows),
+        # JSON has no NaN; None leaves the cell blank.
         z=[[float(v) if np.isfinite(v) else None for v in row] for row in values],
         zmin=low,
         zmax=high,

@@ -51,6 +51,7 @@ def interpolation_figure(
     figure.update_xaxes(title_text=f"position (0 = {escape(ends[0])}, 1 = {escape(ends[1])})")
     metrics = {curve.benchmark: curve.metric for curve in curves}
     for col, name in enumerate(benchmarks, 1):
+        # Neighbours of one metric share the title.
         if col == 1 or metrics[name] != metrics[benchmarks[col - 2]]:
             figure.update_yaxes(title_text=metric_label(metrics[name]), col=col)
     return finish(
@@ -116,6 +117,7 @@ def _line(figure: go.Figure, curve: InterpolationCurve, number: int, col: int, *
         y=scores.tolist(),
         mode="lines+markers",
         line={**series_style(number), "width": 2},
+        # Size 0 hides a dot and keeps what is said when one points at it.
         marker={"size": [9 if n == best else 0 for n in range(len(at))]},
         name=escape(curve.name),
         legendgroup=curve.name,

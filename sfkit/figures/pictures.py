@@ -25,6 +25,7 @@ def add_picture(
             "xanchor": "left",
             "yanchor": "top",
             "sizing": "stretch",
+            # So that whatever is drawn on it stays in sight.
             "layer": "below",
             "name": name,
         },

@@ -91,6 +91,7 @@ def calibration_figure(found: PredictionCalibration, *, theme: str = "auto", hei
 
 def _band(figure: go.Figure, numbers: list[int], low: np.ndarray, high: np.ndarray) -> None:
     figure.add_scatter(
+        # Along the upper edge and back along the lower one: a closed band.
         x=[*numbers, *reversed(numbers)],
         y=[*high.tolist(), *low[::-1].tolist()],
         mode="lines",
@@ -186,6 +187,7 @@ def _coverage(figure: go.Figure, found: PredictionCalibration, muted: str) -> No
     levels = [100.0 * level for level in found.levels]
     low, high = ([100.0 * end for end in ends] for ends in zip(*found.honest, strict=True))
     figure.add_scatter(
+        # Closed as the band above is.
         x=[*levels, *reversed(levels)],
         y=[*high, *reversed(low)],
         mode="lines",

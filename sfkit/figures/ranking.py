@@ -52,6 +52,7 @@ def ranking_figure(
 def _dots(figure: go.Figure, one: Ranking, col: int) -> None:
     """All networks; on top of them the best as a ring, and the pick as a diamond."""
     every = list(range(len(one.networks)))
+    # The later lies on top: the pick is seen where it is the best, too.
     marked = (
         (every, ACCENT, "circle", 6, "a network"),
         ([one.best], ACCENT, "circle-open", 15, BEST),

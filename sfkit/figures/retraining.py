@@ -27,6 +27,7 @@ def teaser_figure(record: Retraining, *, theme: str = "auto", height: int = 420)
         ("trained on all data", True, "square", WARM),
         ("merged", False, "circle", ACCENT),
     ):
+        # NaN equals nothing: of such a way the seconds are not known.
         ways = [way for way in record.ways if way.joint is joint and way.seconds == way.seconds]
         figure.add_scatter(
             x=[way.seconds / 60.0 for way in ways],

@@ -48,6 +48,7 @@ def routing_figure(
         _weights_over_time(figure, trace, row)
     figure.update_xaxes(title_text="source", type="category", row=1, col=1)
     figure.update_yaxes(title_text="block (× module scale)", autorange="reversed", row=1, col=1)
+    # A little beyond both ends, so that lines there are whole.
     figure.update_yaxes(range=[-0.02, 1.02], col=2)
     figure.update_yaxes(title_text="weight (fraction)", row=(rows + 1) // 2, col=2)
     figure.update_xaxes(matches="x2", showticklabels=False, col=2)
@@ -138,6 +139,7 @@ def _heatmap(figure: go.Figure, trace: RoutingTrace, chosen: int) -> None:
         row=1,
         col=1,
     )
+    # A heatmap's own text has one colour; these numbers must be read on dark and on light.
     cells = [(e, b) for b in range(len(rows)) for e in range(len(trace.sources))]
     figure.add_scatter(
         x=[trace.sources[e] for e, _ in cells],

@@ -95,11 +95,13 @@ def _best_so_far(scores: Sequence[float]) -> str:
     known = [(number, score) for number, score in enumerate(scores) if math.isfinite(score)]
     if not known:
         return f"<text x='{WIDTH / 2}' y='{HEIGHT / 2}' text-anchor='middle'>no finite score</text>"
+    # The best so far only falls.
     low, high = known[-1][1], known[0][1]
     span = (high - low) or 1.0
     points, last = [], known[0][1]
     for number, score in known:
         x = LEFT + (WIDTH - LEFT - 8) * number / max(len(scores) - 1, 1)
+        # A step: along at the old height, then down.
         points += [(x, _y(last, low, span)), (x, _y(score, low, span))]
         last = score
     line = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)

@@ -39,6 +39,7 @@ def scores_figure(
         rows=rows,
         cols=len(benchmarks),
         shared_yaxes=True,
+        # All gaps together take at most 30 % of the width.
         horizontal_spacing=min(0.03, 0.3 / len(benchmarks)),
         vertical_spacing=0.3 / rows if rows > 1 else 0.0,
         subplot_titles=[_panel_title(grid, name) for name in benchmarks] + [""] * len(benchmarks),
@@ -106,6 +107,7 @@ def _dots(
     if not len(finite):
         return
     best = values[finite].min()
+    # Equal scores are all the best.
     colours = [WARM if values[n] == best else ACCENT for n in finite]
     figure.add_scatter(
         x=values[finite].tolist(),

@@ -36,6 +36,7 @@ def selection_figure(
     )
     bars = (
         ("runs that chose it", ACCENT, 100.0 * statistics.frequency),
+        # A source that no run chose has a bar of no height.
         ("weight when chosen", WARM, 100.0 * np.nan_to_num(statistics.weight_when_chosen)),
     )
     for name, colour, values in bars:
@@ -68,6 +69,7 @@ def selection_figure(
     figure.update_yaxes(title_text="share (%)", range=[0, 100], row=1, col=1)
     figure.update_yaxes(type="category", autorange="reversed", title_text="run", row=2, col=1)
     figure.update_xaxes(type="category", title_text="source", row=2, col=1)
+    # Stable: of equals the pool's order.
     order = np.argsort(-statistics.frequency, kind="stable")[:3]
     most = ", ".join(f"{sources[n]} ({100 * statistics.frequency[n]:.0f} %)" for n in order)
     overlap = f"; two runs' subsets overlap by {100 * statistics.overlap:.0f} %" if len(weights) > 1 else ""

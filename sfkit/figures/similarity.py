@@ -39,6 +39,7 @@ def similarity_figure(
         subplot_titles=[each.cue for each in similarities],
     )
     for number, each in enumerate(similarities, start=1):
+        # A floor, for a target that all sources are equally near.
         scaled = each.distances / each.distances.max(axis=0, keepdims=True).clip(1e-12)
         trace = matrix(
             scaled,
@@ -51,6 +52,7 @@ def similarity_figure(
             form=".2f",
             hover="%{y} to %{x}: %{z:.2f} of the farthest source's distance",
         )
+        # One key: all panels share its range.
         figure.add_trace(trace.update(showscale=number == count), row=1, col=number)
     figure.update_yaxes(type="category", autorange="reversed")
     figure.update_yaxes(title_text="source", col=1)

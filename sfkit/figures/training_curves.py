@@ -31,6 +31,7 @@ def training_figure(
     scored = any(curve.scores for curve in curves)
     figure = make_subplots(rows=1, cols=1 + scored, horizontal_spacing=0.12)
     for number, curve in enumerate(curves):
+        # One colour a training in both panels.
         line = {**series_style(number), "width": 2}
         name = escape(curve.name)
         loss = go.Scatter(
