@@ -30,7 +30,7 @@ TARGET_MB = 6 * 1024  # anonymous memory with 11 sources of ViT-L
 
 
 @dataclass(frozen=True)
-class Plan:
+class PoolSteps:
     """A pool, and what is measured on it.
 
     Attributes:
@@ -46,8 +46,8 @@ class Plan:
     steps: tuple[str, ...] = ("merge", "write")
 
 
-PLANS: Mapping[str, Plan] = {
-    "vitl": Plan(
+PLANS: Mapping[str, PoolSteps] = {
+    "vitl": PoolSteps(
         PoolShape(
             "foundation-stereo",
             sources=11,
@@ -58,17 +58,17 @@ PLANS: Mapping[str, Plan] = {
         counts=(3, 11),
         averaged=3,
     ),
-    "nmrf-swint": Plan(
+    "nmrf-swint": PoolSteps(
         PoolShape("nmrf-swint", sources=11, published="nmrf/nmrf_swint_keys.json"),
         counts=(11,),
         averaged=11,
         steps=("merge", "write", "evaluate"),
     ),
-    "quick": Plan(PoolShape("nmrf-res", sources=2, frozen="backbone."), counts=(2,), averaged=2),
+    "quick": PoolSteps(PoolShape("nmrf-res", sources=2, frozen="backbone."), counts=(2,), averaged=2),
 }
 
 
-def measure(plan: Plan, folder: Path | None = None) -> dict[str, Any]:
+def measure(plan: PoolSteps, folder: Path | None = None) -> dict[str, Any]:
     """Write the pool, run every step, remove the pool.
 
     Args:
@@ -89,7 +89,7 @@ def measure(plan: Plan, folder: Path | None = None) -> dict[str, Any]:
     return {"machine": machine(), "file_bytes": size, "rows": rows}
 
 
-def _round(place: Path, plan: Plan, count: int) -> list[dict[str, Any]]:
+def _round(place: Path, plan: PoolSteps, count: int) -> list[dict[str, Any]]:
     """All steps on the first ``count`` sources, with a cache of task vectors that starts empty."""
     os.environ["SFKIT_CACHE"] = str(place / f"cache{count}")  # of the steps' processes
     pool = describe(place, plan.shape, count)

@@ -63,7 +63,7 @@ JUMP = 1.0  # pixels between neighbours; what the smoothness term counts, in per
 SMOOTHNESS = 0.1  # weight of that percentage
 
 
-class Pair:
+class CensusPair:
     """One pair as every variant sees it."""
 
     def __init__(self, sample: Sample, variants: Sequence[str]) -> None:
@@ -118,7 +118,7 @@ def table(
 ) -> dict[str, Any]:
     """How each variant ranks the networks by their mean over pairs, what it picks, and what there is."""
     inputs, live = pool.architecture.inputs(pool.options), LiveModel(pool)
-    pairs = [Pair(sample, variants) for sample in benchmark.samples()]
+    pairs = [CensusPair(sample, variants) for sample in benchmark.samples()]
     made = [inputs.prepare(pair.sample.left, pair.sample.right) for pair in pairs]
     mirrored = [inputs.prepare(*_mirrored(pair.sample)) for pair in pairs]
     scores: dict[str, list[float]] = {name: [] for name in variants}
@@ -169,7 +169,7 @@ def _mirrored(sample: Sample) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     return np.ascontiguousarray(sample.right[:, ::-1]), np.ascontiguousarray(sample.left[:, ::-1])
 
 
-class Task(NamedTuple):
+class CensusTask(NamedTuple):
     """Networks of one pool on one benchmark."""
 
     kind: str
@@ -193,13 +193,13 @@ class Task(NamedTuple):
         return {"kind": self.kind, "spn": self.spn, **found}
 
 
-def real() -> Iterator[Task]:
+def real() -> Iterator[CensusTask]:
     """Base and all merges of the real sources, with the propagation stage and without."""
     for spn in (True, False):
         spec = read_pool_spec(evidence_real.POOL)
         pool = sfkit.open_pool(replace(spec, options={"spn": spn}))
         for benchmark in evidence_real.benchmarks().values():
-            yield Task("real", spn, pool, merges(pool), benchmark, 1.0)
+            yield CensusTask("real", spn, pool, merges(pool), benchmark, 1.0)
 
 
 def merges(pool: Pool) -> dict[str, Recipe]:
@@ -212,17 +212,17 @@ FRAMES = {"sceneflow": "SceneFlow", "instereo2k": "InStereo2K", "tartanair": "Ta
 """Training set -> the folder of its frames beside the real pairs."""
 
 
-def frames() -> Iterator[Task]:
+def frames() -> Iterator[CensusTask]:
     """The same networks, with propagation, on frames that sources are commonly trained on."""
     pool = sfkit.open_pool(evidence_real.POOL)
     folder = Path(os.environ["SFKIT_REAL_DATA"]) / "sources"
     for name, place in FRAMES.items():
         found = open_training_set(name, folder / place, hold_out=False)
         benchmark = memory_benchmark(name, found.pairs)
-        yield Task("frames", True, pool, merges(pool), benchmark, 1.0)
+        yield CensusTask("frames", True, pool, merges(pool), benchmark, 1.0)
 
 
-def embedded(subsets: int, pairs: int) -> Iterator[Task]:
+def embedded(subsets: int, pairs: int) -> Iterator[CensusTask]:
     """The bank's sources, all of them merged, and subsets drawn at random, on each of its worlds."""
     pool, rng = sfkit.open_pool("bank"), np.random.default_rng(0)
     chosen = [(name,) for name in pool.names] + [pool.names]
@@ -233,12 +233,12 @@ def embedded(subsets: int, pairs: int) -> Iterator[Task]:
     recipes = {"+".join(names): pool.equal(*names) for names in chosen}
     for world in bank.benchmarks():
         benchmark = sfkit.open_benchmark(f"bank:{world}", pairs=pairs)
-        yield Task("bank", None, pool, recipes, benchmark, 3.0, ONE_PASS)
+        yield CensusTask("bank", None, pool, recipes, benchmark, 3.0, ONE_PASS)
     few, pairs = FEWER
     chosen_few = dict(itertools.islice(recipes.items(), few))
     for world in bank.benchmarks():
         benchmark = sfkit.open_benchmark(f"bank:{world}", pairs=pairs)
-        yield Task("bank, two passes", None, pool, chosen_few, benchmark, 3.0, (DEFAULT, *OCCLUDED))
+        yield CensusTask("bank, two passes", None, pool, chosen_few, benchmark, 3.0, (DEFAULT, *OCCLUDED))
 
 
 def measure(subsets: int, pairs: int, folder: Path) -> list[dict[str, Any]]:

@@ -36,7 +36,7 @@ TRUE = 3.0  # pixels: bad-3.0
 Table = NDArray[np.float64]
 
 
-class World:
+class WorldRanking:
     """The first pairs of a world, made ready: they have one size and go through a network together."""
 
     def __init__(self, pool: Pool, name: str, pairs: int) -> None:
@@ -69,7 +69,7 @@ def measure(pool: str, pairs: int, subsets: int, store: Path) -> list[dict[str, 
     torch.set_num_threads(1)
     opened = sfkit.open_pool(pool)
     networks = drawn_networks(opened, max(subsets - 2 * len(opened.names) - 1, 0))
-    live, worlds = LiveModel(opened), {name: World(opened, name, pairs) for name in bank.benchmarks()}
+    live, worlds = LiveModel(opened), {name: WorldRanking(opened, name, pairs) for name in bank.benchmarks()}
     store.parent.mkdir(parents=True, exist_ok=True)
     with store.open("a", newline="") as stream:
         known = _kept(store)
@@ -98,7 +98,7 @@ def measure(pool: str, pairs: int, subsets: int, store: Path) -> list[dict[str, 
 
 
 def _told(
-    table: Table, usual: list[int], world: World, maps: list[NDArray[np.float32]], metric: str
+    table: Table, usual: list[int], world: WorldRanking, maps: list[NDArray[np.float32]], metric: str
 ) -> dict[str, Any]:
     """Rankings and sentences, from (networks, pairs, scores)."""
     truth, fine, coarse = table.mean(axis=1).T

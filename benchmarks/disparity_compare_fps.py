@@ -78,7 +78,7 @@ PAINTED = """async ([name, changes]) => {
 
 
 @dataclass(frozen=True)
-class Record:
+class FrameRates:
     """One image size and arrangement; frames a second, and milliseconds."""
 
     width: int
@@ -127,7 +127,7 @@ def rates(page: Page, act: str, seconds: float) -> tuple[float, float]:
 
 def measured(
     page: Page, widget: DisparityCompare, size: tuple[int, int], arrangement: str, seconds: float
-) -> Record:
+) -> FrameRates:
     """One widget on a bare page, from its first pixels to its frames."""
     width, height = size
     held = scene(panels(width, height))
@@ -140,10 +140,10 @@ def measured(
     pan, pan_p95 = rates(page, "pan", seconds)
     zoom, zoom_p95 = rates(page, "zoom", seconds)
     size_mb = (len(held["left"]) + len(held["truth"]) * (1 + NETWORKS)) / 1e6
-    return Record(width, height, arrangement, pan, zoom, pan_p95, zoom_p95, arrived, recolour, size_mb)
+    return FrameRates(width, height, arrangement, pan, zoom, pan_p95, zoom_p95, arrived, recolour, size_mb)
 
 
-def measure(seconds: float = 3.0) -> list[Record]:
+def measure(seconds: float = 3.0) -> list[FrameRates]:
     """Both sizes in both arrangements."""
     pool = sfkit.open_pool("bank")
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform()}
@@ -160,7 +160,7 @@ def measure(seconds: float = 3.0) -> list[Record]:
     return found
 
 
-def table(records: Sequence[Record]) -> str:
+def table(records: Sequence[FrameRates]) -> str:
     """The records as Markdown."""
     lines = [
         "| image | arrangement | pan | zoom | 95th percentile | first paint | recolour | sent a pair |",

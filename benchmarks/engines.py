@@ -37,7 +37,7 @@ FEW = 3
 
 
 @dataclass(frozen=True)
-class Run:
+class EngineRun:
     """One engine with one number of workers on one amount of work.
 
     Attributes:
@@ -63,7 +63,7 @@ class Run:
         """Milliseconds an evaluation in which no worker computed: store, messages, waiting at the end."""
         return 1e3 * (self.seconds - self.busy / self.workers) / self.evaluations
 
-    def efficiency(self, inline: Run) -> float:
+    def efficiency(self, inline: EngineRun) -> float:
         """What each worker achieves of what one does inline."""
         return inline.seconds / self.seconds / self.workers
 
@@ -74,7 +74,7 @@ def measure(
     workers: Sequence[int] = WORKERS,
     evaluations: int = 24,
     pairs: int = 8,
-) -> list[tuple[Run, Run]]:
+) -> list[tuple[EngineRun, EngineRun]]:
     """Each engine with each number of workers, beside the inline engine on the same work.
 
     Ray is left out where it is not installed.
@@ -102,7 +102,7 @@ def measure(
     return found
 
 
-def timed(engine: str, workers: int, evaluations: int, pairs: int) -> Run:
+def timed(engine: str, workers: int, evaluations: int, pairs: int) -> EngineRun:
     """Start an engine, warm it up with one subset, then time the others."""
     pool, benchmark = open_pool("bank"), open_benchmark(f"bank:{VALIDATION}", pairs=pairs)
     first, *rest = islice(combinations(pool.names, 4), evaluations + 1)
@@ -119,7 +119,7 @@ def timed(engine: str, workers: int, evaluations: int, pairs: int) -> Run:
         ended = time.perf_counter()
     busy = sum(outcome.seconds for outcome in outcomes)
     scores = tuple(outcome.score for outcome in outcomes)
-    return Run(engine, workers, evaluations, started - began, ended - ready, busy, scores)
+    return EngineRun(engine, workers, evaluations, started - began, ended - ready, busy, scores)
 
 
 @contextmanager
@@ -142,7 +142,7 @@ def ray_for(engine: str, cpus: int) -> Iterator[None]:
     ray.shutdown()
 
 
-def row(run: Run, inline: Run) -> dict[str, Any]:
+def row(run: EngineRun, inline: EngineRun) -> dict[str, Any]:
     """Plain values of a run and its ratios to the inline engine."""
     values = {key: value for key, value in asdict(run).items() if key != "scores"}
     return {

@@ -47,7 +47,7 @@ MOST_MEMORY = 18 << 30  # bytes: what asks for more fails
 
 
 @dataclass(frozen=True)
-class Case:
+class ExportCase:
     """A network, and what it sees of a real pair.
 
     Attributes:
@@ -66,11 +66,11 @@ class Case:
 _SHORT = {"iterations": 1, "max_disp": 64}
 _MOTORCYCLE = ("motorcycle/motorcycle_left.png", "motorcycle/motorcycle_right.png")
 CASES = {
-    "anynet": Case("anynet", _MOTORCYCLE, None),
-    "nmrf-res": Case("nmrf-res"),
-    "nmrf-swint": Case("nmrf-swint"),
-    "foundation-stereo-s": Case("foundation-stereo", options={"vit_size": "vits", **_SHORT}),
-    "foundation-stereo-l": Case("foundation-stereo", options={"vit_size": "vitl", **_SHORT}),
+    "anynet": ExportCase("anynet", _MOTORCYCLE, None),
+    "nmrf-res": ExportCase("nmrf-res"),
+    "nmrf-swint": ExportCase("nmrf-swint"),
+    "foundation-stereo-s": ExportCase("foundation-stereo", options={"vit_size": "vits", **_SHORT}),
+    "foundation-stereo-l": ExportCase("foundation-stereo", options={"vit_size": "vitl", **_SHORT}),
 }
 
 
@@ -129,7 +129,7 @@ def _merged_anynets(folder: Path) -> Path:
     return sfkit.save_merged(pool, pool.uniform(), folder / "merged.safetensors")
 
 
-def _merged(folder: Path, case: Case) -> Path:
+def _merged(folder: Path, case: ExportCase) -> Path:
     """Base and two sources in files, and all of them mixed equally."""
     base = _filled(case)
     torch.save(base, folder / "base.pth")
@@ -154,7 +154,7 @@ def _moved(key: str, tensor: torch.Tensor, number: int) -> torch.Tensor:
     return tensor * (1 + MOVED * torch.randn(tensor.shape, generator=drawn))
 
 
-def _filled(case: Case) -> dict[str, torch.Tensor]:
+def _filled(case: ExportCase) -> dict[str, torch.Tensor]:
     if case.kind == "foundation-stereo":
         return filled_state(str(case.options["vit_size"]))
     network = architecture(case.kind).build()

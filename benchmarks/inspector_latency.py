@@ -66,7 +66,7 @@ PAINTED = """() => {
 
 
 @dataclass(frozen=True)
-class Record:
+class EditTimes:
     """One pool: sizes in pixels, times in milliseconds, bytes an edit."""
 
     pool: str
@@ -81,7 +81,7 @@ class Record:
     received: float
 
 
-def measured(browser: Browser, server: Server, name: str, cells: list[str], edits: int) -> Record:
+def measured(browser: Browser, server: Server, name: str, cells: list[str], edits: int) -> EditTimes:
     """Open a notebook with an inspector, edit one weight up and down, and time every edit."""
     server.write(f"{name}.ipynb", cells)
     context = browser.new_context(viewport={"width": 1280, "height": 1000})
@@ -110,7 +110,7 @@ def measured(browser: Browser, server: Server, name: str, cells: list[str], edit
     context.close()
     times = [(np.median(values), np.percentile(values, 95)) for values in (first, full)]
     (first_median, first_p95), (full_median, full_p95) = [(float(a), float(b)) for a, b in times]
-    return Record(
+    return EditTimes(
         name,
         width,
         height,
@@ -124,7 +124,7 @@ def measured(browser: Browser, server: Server, name: str, cells: list[str], edit
     )
 
 
-def measure(edits: int = 40) -> list[Record]:
+def measure(edits: int = 40) -> list[EditTimes]:
     """The embedded bank and, where its data is, the real AnyNet pool."""
     worlds = {"embedded bank": [BANK, SHOW]}
     if os.environ.get("SFKIT_REAL_DATA"):
@@ -143,7 +143,7 @@ def measure(edits: int = 40) -> list[Record]:
     return found
 
 
-def table(records: Sequence[Record]) -> str:
+def table(records: Sequence[EditTimes]) -> str:
     """The records as Markdown."""
     lines = [
         "| pool | image | first picture, median | 95th percentile | full size, median | 95th percentile | "

@@ -20,7 +20,7 @@ BLOCKS = 12
 
 
 @dataclass(frozen=True)
-class Record:
+class MergeTime:
     """One measurement: milliseconds a recipe, and how many times the limit that is."""
 
     name: str
@@ -54,7 +54,7 @@ def bandwidth(elements: int) -> tuple[float, float]:
     return 2 * 4 * elements / copy, 3 * 4 * elements / triad
 
 
-class World:
+class RandomPool:
     """A layout of 400 tensors in 12 blocks, a base and 11 task vectors of random numbers."""
 
     def __init__(self, elements: int) -> None:

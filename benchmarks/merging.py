@@ -16,7 +16,7 @@ from dataclasses import asdict
 from typing import Any
 
 import torch
-from memory import SOURCES, Record, World, bandwidth, best_of
+from memory import SOURCES, MergeTime, RandomPool, bandwidth, best_of
 from pictures import bars, picture
 from processes import call, shown
 from stages import answered
@@ -31,10 +31,10 @@ TIES_ELEMENTS = 50_000_000
 TIES_DENSITY = 0.2
 
 
-def measure(elements: int, threads: int) -> list[Record]:
+def measure(elements: int, threads: int) -> list[MergeTime]:
     """All variants at one size and thread count, each checked against a plain sum."""
     torch.set_num_threads(threads)
-    world = World(elements)
+    world = RandomPool(elements)
     _, triad = bandwidth(max(elements, 1 << 26))
     size = world.layout.size
     records = []
@@ -42,7 +42,7 @@ def measure(elements: int, threads: int) -> list[Record]:
     def record(name: str, seconds: float, vectors: float) -> None:
         # What must move: the vectors and the base read, the result written.
         limit = 4 * size * (vectors + 2) / triad
-        records.append(Record(name, size, threads, 1e3 * seconds, 1e3 * limit))
+        records.append(MergeTime(name, size, threads, 1e3 * seconds, 1e3 * limit))
 
     check(world)
     full, few = world.equal(SOURCES), world.equal(3)
@@ -71,7 +71,7 @@ def measure(elements: int, threads: int) -> list[Record]:
     return records
 
 
-def check(world: World) -> None:
+def check(world: RandomPool) -> None:
     """Ours equals the sum written plainly, and the network's parameters are views of the buffer."""
     recipe = world.routed(3)
     out = world.merge(recipe)
@@ -86,14 +86,14 @@ def check(world: World) -> None:
             raise SystemExit(f"{spec.key}: our merge differs from the plain sum")
 
 
-def naive(world: World) -> dict[str, torch.Tensor]:
+def naive(world: RandomPool) -> dict[str, torch.Tensor]:
     """What a first version does: a dictionary of new tensors."""
     views = [world.layout.views(vector) for vector in world.vectors]
     base = world.layout.views(world.base)
     return {key: base[key] + sum(view[key] for view in views) / SOURCES for key in base}
 
 
-def in_place(world: World) -> torch.Tensor:
+def in_place(world: RandomPool) -> torch.Tensor:
     """Whole vectors added one after the other: the result passes through memory 11 times."""
     world.out.copy_(world.base)
     for vector in world.vectors:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from stage2_worlds import World
+from stage2_worlds import SearchWorld
 
 from sfkit.merging.recipe import Recipe
 from sfkit.search import BayesianRoutingSettings
@@ -25,7 +25,7 @@ FIRST, DRAWN, ROUNDS, BETA = 8, 256, 3, 2.0
 REGION = BayesianRoutingSettings()
 
 
-def one_model(world: World, evaluations: int = 160) -> Iterator[float]:
+def one_model(world: SearchWorld, evaluations: int = 160) -> Iterator[float]:
     """Scores of its evaluations; a source alone costs one and wins nothing."""
     pool, names, blocks = world.pool, world.pool.names, world.pool.blocks
     rng = np.random.default_rng([world.seed, 4])

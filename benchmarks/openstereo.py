@@ -38,7 +38,7 @@ MOVED = 0.01  # of a tensor's standard deviation, by which a source differs from
 
 
 @dataclass(frozen=True)
-class Case:
+class ModelCase:
     """A model and the part of the real pair it sees: random weights make IGEV's updates slow.
 
     Attributes:
@@ -51,9 +51,9 @@ class Case:
 
 
 CASES = {
-    "LightStereo-S": Case("lightstereo/lightstereo_s_sceneflow.yaml", (352, 448)),
-    "IGEV": Case("igev/igev_sceneflow_amp.yaml", (64, 96)),
-    "PSMNet": Case("psmnet/psmnet_sceneflow.yaml", (256, 256)),
+    "LightStereo-S": ModelCase("lightstereo/lightstereo_s_sceneflow.yaml", (352, 448)),
+    "IGEV": ModelCase("igev/igev_sceneflow_amp.yaml", (64, 96)),
+    "PSMNet": ModelCase("psmnet/psmnet_sceneflow.yaml", (256, 256)),
 }
 Walk = Callable[[str, Path, Path], dict[str, Any]]
 """A name, the folder of code, and that of real pairs -> what was found."""

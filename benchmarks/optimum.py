@@ -41,7 +41,7 @@ GROWN_SEEDS = 3
 
 
 @dataclass(frozen=True)
-class Entry:
+class Competitor:
     """A search that competes.
 
     Attributes:
@@ -55,21 +55,21 @@ class Entry:
     together: int = TOGETHER
 
 
-def entries() -> dict[str, Entry]:
+def entries() -> dict[str, Competitor]:
     """Everything that is compared, by name."""
-    found = {"sfkit, a model of the score": Entry(run)}
+    found = {"sfkit, a model of the score": Competitor(run)}
     for name, search in searches().items():
-        found[name] = Entry(search, 1 if name == "greedy soup" else SEEDS)
+        found[name] = Competitor(search, 1 if name == "greedy soup" else SEEDS)
     if importlib.util.find_spec("optuna"):
         from peers_optuna import gp, on_subsets, tpe
 
-        found["Optuna TPE"] = Entry(on_subsets(tpe, 300))
-        found["Optuna GP"] = Entry(on_subsets(gp, 100), 40, 1)
+        found["Optuna TPE"] = Competitor(on_subsets(tpe, 300))
+        found["Optuna GP"] = Competitor(on_subsets(gp, 100), 40, 1)
     if importlib.util.find_spec("sklearn") and importlib.util.find_spec("botorch"):
         from peers_models import botorch, scikit_learn, searched_by
 
-        found["the same search by scikit-learn's model"] = Entry(searched_by(scikit_learn), 40, 5)
-        found["the same search by BoTorch's model"] = Entry(searched_by(botorch), 40, 5)
+        found["the same search by scikit-learn's model"] = Competitor(searched_by(scikit_learn), 40, 5)
+        found["the same search by BoTorch's model"] = Competitor(searched_by(botorch), 40, 5)
     return found
 
 

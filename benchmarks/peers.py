@@ -9,12 +9,12 @@ import torch
 from mergekit.merge_methods.api import merge_state_dicts
 
 if TYPE_CHECKING:
-    from memory import World
+    from memory import RandomPool
 
 METHODS = ("linear", "task_arithmetic")
 
 
-def mergekit_work(world: World, method: str) -> Callable[[], dict[str, torch.Tensor]]:
+def mergekit_work(world: RandomPool, method: str) -> Callable[[], dict[str, torch.Tensor]]:
     """An equal-weight merge of all sources by mergekit, checked once and ready to be timed.
 
     ``linear`` adds the base and the weighted task vectors, which is our sum. ``task_arithmetic`` takes the

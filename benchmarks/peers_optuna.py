@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import optuna
 from landscapes import Landscape
-from stage2_worlds import World
+from stage2_worlds import SearchWorld
 
 from sfkit.search.encoding import Encoding
 
@@ -63,17 +63,17 @@ def cma(seed: int) -> optuna.samplers.BaseSampler:
     return optuna.samplers.CmaEsSampler(seed=seed)
 
 
-def gp_sampler(world: World, evaluations: int = 80) -> Iterator[float]:
+def gp_sampler(world: SearchWorld, evaluations: int = 80) -> Iterator[float]:
     """Optuna's Gaussian process over x."""
     return _routed(gp, world, evaluations)
 
 
-def cma_sampler(world: World, evaluations: int = 150) -> Iterator[float]:
+def cma_sampler(world: SearchWorld, evaluations: int = 150) -> Iterator[float]:
     """Optuna's CMA-ES over x."""
     return _routed(cma, world, evaluations)
 
 
-def _routed(sampler: Sampler, world: World, evaluations: int) -> Iterator[float]:
+def _routed(sampler: Sampler, world: SearchWorld, evaluations: int) -> Iterator[float]:
     """Zeros first, as in ours."""
     encoding = Encoding(world.subset, world.pool.blocks)
     names = [f"x{n}" for n in range(encoding.dimension)]

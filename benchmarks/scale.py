@@ -40,7 +40,7 @@ FASTEST = 1.25e9  # bytes a second from one machine to the next: 10 Gbit Etherne
 
 
 @dataclass(frozen=True)
-class Case:
+class SimulatedSearch:
     """A search to simulate.
 
     Attributes:
@@ -63,7 +63,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Row:
+class WorkersRow:
     """One case on one number of workers; idle is the share of workers' time that the barrier costs."""
 
     case: str
@@ -88,7 +88,7 @@ def generations() -> tuple[int, ...]:
     return tuple(found)
 
 
-def paper() -> Case:
+def paper() -> SimulatedSearch:
     """FoundationStereo ViT-L, 11 sources, 27 pairs: seconds such that 4 GPUs need 1.2 h and 2.4 h."""
     parameters = 37_600_000  # that the sources change; the ViT is frozen
     dimensions = 4 * 6 + 4
@@ -96,10 +96,12 @@ def paper() -> Case:
         hours * 3600 / simulate(batches, 1.0, 4)[0]
         for hours, batches in ((1.2, generations()), (2.4, populations(dimensions)))
     )
-    return Case("paper, FoundationStereo", 27, first, second, dimensions, 0.05, 12 * 4 * parameters)
+    return SimulatedSearch(
+        "paper, FoundationStereo", 27, first, second, dimensions, 0.05, 12 * 4 * parameters
+    )
 
 
-def embedded(pairs: int = 8) -> Case:
+def embedded(pairs: int = 8) -> SimulatedSearch:
     """The bank on this machine's CPU, measured on a few subsets."""
     torch.set_num_threads(1)
     pool = open_pool(bank.pool_path())
@@ -111,7 +113,7 @@ def embedded(pairs: int = 8) -> Case:
         live.apply(pool.uniform())
         spent = time.perf_counter() - began
     each = min(seconds)
-    return Case("bank, AnyNet", pairs, each, each, 4 * 6 + 4, spent, 12 * 4 * pool.layout.size)
+    return SimulatedSearch("bank, AnyNet", pairs, each, each, 4 * 6 + 4, spent, 12 * 4 * pool.layout.size)
 
 
 def populations(dimensions: int) -> tuple[int, ...]:
@@ -148,7 +150,7 @@ def simulate(
     return wall, busy
 
 
-def run(case: Case, workers: int) -> Row:
+def run(case: SimulatedSearch, workers: int) -> WorkersRow:
     """Both stages, with whole evaluations and with images shared out."""
     stages = ((generations(), case.stage1), (populations(case.dimensions), case.stage2))
     whole = [simulate(batches, seconds, workers) for batches, seconds in stages]
@@ -158,7 +160,7 @@ def run(case: Case, workers: int) -> Row:
     ]
     wall, busy = (sum(column) for column in zip(*whole, strict=True))
     wall_shared, busy_shared = (sum(column) for column in zip(*shared, strict=True))
-    return Row(
+    return WorkersRow(
         case.name,
         workers,
         wall / 3600,
@@ -170,13 +172,13 @@ def run(case: Case, workers: int) -> Row:
     )
 
 
-def measure() -> list[Row]:
+def measure() -> list[WorkersRow]:
     """Every case on every number of workers."""
     cases = (paper(), embedded())
     return [run(case, workers) for case in cases for workers in WORKERS]
 
 
-def table(rows: Sequence[Row]) -> str:
+def table(rows: Sequence[WorkersRow]) -> str:
     """The rows as a Markdown table."""
     lines = [
         "| search | workers | hours | idle at the barrier | hours, images shared | idle | broadcast, s "

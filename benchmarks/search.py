@@ -123,7 +123,7 @@ def searches() -> dict[str, Search]:
 
 
 @dataclass(frozen=True)
-class Row:
+class SearchRow:
     """One search over all seeds.
 
     Attributes:
@@ -145,7 +145,7 @@ class Row:
     curve: tuple[float, ...]
 
 
-def measure(name: str, search: Search, land: Landscape, seeds: int) -> Row:
+def measure(name: str, search: Search, land: Landscape, seeds: int) -> SearchRow:
     """Run a search from every seed."""
     runs = [search(land, seed) for seed in range(seeds)]
     regrets = [land.regrets(run) for run in runs]
@@ -154,7 +154,7 @@ def measure(name: str, search: Search, land: Landscape, seeds: int) -> Row:
     even = np.array([curve + [curve[-1]] * (longest - len(curve)) for curve in regrets])
     even[np.isinf(even)] = max(land.scores.values()) - land.best  # nothing found yet: the worst there is
     mean = even.mean(axis=0)
-    return Row(
+    return SearchRow(
         name,
         float(np.median([len(run) for run in runs])),
         float(np.median([len(curve) for curve in regrets])),
@@ -180,20 +180,20 @@ def check(land: Landscape) -> None:
             raise SystemExit(f"seed {seed}: this benchmark's search left the way of SubsetSearch")
 
 
-def compare(seeds: int, *, quick: bool = False) -> list[Row]:
+def compare(seeds: int, *, quick: bool = False) -> list[SearchRow]:
     """All searches, on the scores on 20 pairs or, quick, on 8."""
     land = Landscape(subset_scores(), quick=quick)
     check(land)
     return [measure(name, search, land, seeds) for name, search in searches().items()]
 
 
-def populations(seeds: int, *, quick: bool = False) -> list[Row]:
+def populations(seeds: int, *, quick: bool = False) -> list[SearchRow]:
     """Ours over population sizes with the paper's 15 generations."""
     land = Landscape(subset_scores(), quick=quick)
     return [measure(str(m), genetic(SubsetSettings(population=m)), land, seeds) for m in POPULATIONS]
 
 
-def table(rows: Sequence[Row], first: str) -> str:
+def table(rows: Sequence[SearchRow], first: str) -> str:
     """The rows as a Markdown table."""
     marks = " | ".join(f"regret at {mark}" for mark in MARKS)
     lines = [
@@ -210,12 +210,12 @@ def table(rows: Sequence[Row], first: str) -> str:
     return "\n".join(lines)
 
 
-def both(seeds: int, quick: bool) -> dict[str, list[Row]]:
+def both(seeds: int, quick: bool) -> dict[str, list[SearchRow]]:
     """The two tables."""
     return {"searches": compare(seeds, quick=quick), "populations": populations(seeds, quick=quick)}
 
 
-def tables(found: dict[str, list[Row]]) -> str:
+def tables(found: dict[str, list[SearchRow]]) -> str:
     """Both as Markdown."""
     return f"{table(found['searches'], 'search')}\n\n{table(found['populations'], 'population')}"
 
@@ -265,7 +265,7 @@ The same searches on another landscape, the scores on the first 8 pairs alone, w
 {verdict(rows, quick)}"""
 
 
-def verdict(*landscapes: Sequence[Row]) -> str:
+def verdict(*landscapes: Sequence[SearchRow]) -> str:
     """Which of our other settings dominate the paper's."""
     paper = landscapes[0][0].name
     ours = [row.name for row in landscapes[0] if row.name.startswith("sfkit") and row.name != paper]
@@ -278,7 +278,7 @@ def verdict(*landscapes: Sequence[Row]) -> str:
     )
 
 
-def dominates(rows: Sequence[Row], name: str, other: str) -> bool:
+def dominates(rows: Sequence[SearchRow], name: str, other: str) -> bool:
     """No larger regret at any mark and at the end, and the optimum found in no fewer seeds."""
     one, paper = (next(row for row in rows if row.name == wanted) for wanted in (name, other))
     nearer = all(a <= b for a, b in zip(one.regrets, paper.regrets, strict=True))

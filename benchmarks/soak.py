@@ -61,7 +61,7 @@ _SHARE, _READER = "at_a_random_moment", "only_sentences_come_out"
 
 
 @dataclass(frozen=True)
-class Part:
+class SoakPart:
     """Tests that ran together.
 
     Attributes:
@@ -117,12 +117,12 @@ def run(name: str, kills: int, fuzz: int, log: Path, again: str = "") -> None:
         stream.write(f"cpu {_spent() - before:.1f}\n")
 
 
-def read(name: str, text: str) -> Part:
+def read(name: str, text: str) -> SoakPart:
     """What a log says."""
     ends = dict(re.findall(r"^tests/\S+::(\S+) .*?(PASSED|FAILED|ERROR)", text, re.DOTALL | re.MULTILINE))
     asked = re.search(r"^asked (\d+)$", text, re.MULTILINE)
     spent = [float(seconds) for seconds in re.findall(r"^cpu ([\d.]+)$", text, re.MULTILINE)]
-    return Part(
+    return SoakPart(
         name,
         int(asked[1]) if asked else 0,
         tuple(test for test, end in ends.items() if end == "PASSED"),
@@ -131,7 +131,7 @@ def read(name: str, text: str) -> Part:
     )
 
 
-def table(parts: Sequence[Part]) -> str:
+def table(parts: Sequence[SoakPart]) -> str:
     """A row a part."""
     rows = ["| part | survived | tests passed | failed | CPU seconds |", "|---|---|---|---|---|"]
     for part in parts:
@@ -140,7 +140,7 @@ def table(parts: Sequence[Part]) -> str:
     return "\n".join(rows)
 
 
-def kept(folder: Path = LOGS) -> list[Part]:
+def kept(folder: Path = LOGS) -> list[SoakPart]:
     """The parts that were run."""
     logs = ((name, folder / f"{name}.log") for name in PARTS)
     return [read(name, log.read_text(encoding="utf-8")) for name, log in logs if log.is_file()]

@@ -32,7 +32,7 @@ from stage2_worlds import (
     REAL,
     REAL_PAIRS,
     REAL_WINDOW,
-    World,
+    SearchWorld,
     store_in,
     world,
 )
@@ -52,24 +52,24 @@ HANDED_OVER, NEAR = "model, then CMA-ES", "model, no far draws"
 BLOCKWISE = 4
 """Searches on the bank that are run with block-specific routing as well."""
 
-Way = Callable[[World], Iterator[float]]
+Way = Callable[[SearchWorld], Iterator[float]]
 """World -> the scores of its evaluations, in order, as they come."""
 
 
-def model(world: World, evaluations: int = 100, **more: object) -> Iterator[float]:
+def model(world: SearchWorld, evaluations: int = 100, **more: object) -> Iterator[float]:
     """Our model, which knows what Stage 1 evaluated."""
     settings = BayesianRoutingSettings(evaluations=evaluations, seed=world.seed, **more)  # type: ignore[arg-type]
     search = BayesianRoutingSearch(world.subset, world.pool.blocks, world.scorer, settings, known=world.known)
     return scores_of(search)
 
 
-def cma_es(world: World, evaluations: int = 300, **more: object) -> Iterator[float]:
+def cma_es(world: SearchWorld, evaluations: int = 300, **more: object) -> Iterator[float]:
     """The paper's."""
     settings = sfkit.RoutingSettings(evaluations=evaluations, converge=False, seed=world.seed, **more)  # type: ignore[arg-type]
     return scores_of(RoutingSearch(world.subset, world.pool.blocks, world.scorer, settings))
 
 
-def handed_over(world: World, first: int = 60, evaluations: int = 150) -> Iterator[float]:
+def handed_over(world: SearchWorld, first: int = 60, evaluations: int = 150) -> Iterator[float]:
     """The model, and from the best it found CMA-ES at half its first step size."""
     before = BayesianRoutingSettings(evaluations=first, seed=world.seed)
     search = BayesianRoutingSearch(world.subset, world.pool.blocks, world.scorer, before, known=world.known)
@@ -88,7 +88,7 @@ def scores_of(search: RoutingSearch) -> Iterator[float]:
         yield from (candidate.score for candidate in generation.candidates)
 
 
-def random_search(world: World, evaluations: int = 100) -> Iterator[float]:
+def random_search(world: SearchWorld, evaluations: int = 100) -> Iterator[float]:
     """Zeros, then draws from the distribution CMA-ES begins with."""
     encoding = Encoding(world.subset, world.pool.blocks)
     rng = np.random.default_rng([world.seed, 3])

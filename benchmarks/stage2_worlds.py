@@ -45,7 +45,7 @@ class Together:
 
 
 @dataclass(frozen=True)
-class World:
+class SearchWorld:
     """A pool, what guides, and the subset that Stage 1 found there.
 
     Attributes:
@@ -72,7 +72,7 @@ class World:
         return tuple(Known(c.recipe, c.score) for c in self.stage1.candidates if not c.repeated)
 
 
-def world(kind: str, seed: int, store: sfkit.EvaluationStore) -> World:
+def world(kind: str, seed: int, store: sfkit.EvaluationStore) -> SearchWorld:
     """One draw of validation pairs, and Stage 1 by its model on them.
 
     Args:
@@ -88,7 +88,7 @@ def world(kind: str, seed: int, store: sfkit.EvaluationStore) -> World:
         pool.names, pool.blocks, scorer, sfkit.BayesianSubsetSettings(seed=seed)
     )
     stage1.run()
-    return World(pool, scorer, stage1, seed)
+    return SearchWorld(pool, scorer, stage1, seed)
 
 
 @lru_cache

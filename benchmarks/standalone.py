@@ -22,7 +22,7 @@ SIZE = (128, 192)  # height and width of the part of the real pair, in pixels
 
 
 @dataclass(frozen=True)
-class Case:
+class CheckoutCase:
     """An architecture, its code below the folder of checkouts, and options that keep it short."""
 
     kind: str
@@ -31,9 +31,9 @@ class Case:
 
 
 CASES = {
-    "RAFT-Stereo": Case("raft-stereo", "RAFT-Stereo", {"iterations": 4}),
-    "IGEV-Stereo": Case("igev-stereo", "IGEV/IGEV-Stereo", {"iterations": 4}),
-    "GMStereo": Case("gmstereo", "unimatch"),
+    "RAFT-Stereo": CheckoutCase("raft-stereo", "RAFT-Stereo", {"iterations": 4}),
+    "IGEV-Stereo": CheckoutCase("igev-stereo", "IGEV/IGEV-Stereo", {"iterations": 4}),
+    "GMStereo": CheckoutCase("gmstereo", "unimatch"),
 }
 
 

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from functools import partial
 
 import torch
-from memory import SOURCES, Record, World, bandwidth, best_of
+from memory import SOURCES, MergeTime, RandomPool, bandwidth, best_of
 
 from sfkit.merging.fusion import fuse
 from sfkit.merging.linear import weighted_sum
@@ -26,7 +26,7 @@ def part_of(vector: torch.Tensor, piece: Piece) -> torch.Tensor:
     return vector[piece.start : piece.stop]
 
 
-def elected(world: World, density: float, known: Thresholds, out: torch.Tensor) -> torch.Tensor:
+def elected(world: RandomPool, density: float, known: Thresholds, out: torch.Tensor) -> torch.Tensor:
     """The task vector that TIES makes of all sources."""
     step = Trim(density)
     read = [Row(n, partial(part_of, v)) for n, v in zip(world.names, world.vectors, strict=True)]
@@ -36,17 +36,17 @@ def elected(world: World, density: float, known: Thresholds, out: torch.Tensor) 
     return out
 
 
-def measure(elements: int, threads: int, density: float) -> list[Record]:
+def measure(elements: int, threads: int, density: float) -> list[MergeTime]:
     """One lambda, one more, and another election with the thresholds known; checked on one tensor."""
     torch.set_num_threads(threads)
-    world = World(elements)
+    world = RandomPool(elements)
     _, triad = bandwidth(max(elements, 1 << 26))
     size = world.layout.size
     limit = 4 * size * (SOURCES + 2) / triad
     vector, records = torch.empty(size), []
 
     def record(name: str, seconds: float) -> None:
-        records.append(Record(name, size, threads, 1e3 * seconds, 1e3 * limit))
+        records.append(MergeTime(name, size, threads, 1e3 * seconds, 1e3 * limit))
 
     def once() -> None:
         elected(world, density, Thresholds(), vector)
@@ -67,7 +67,7 @@ def measure(elements: int, threads: int, density: float) -> list[Record]:
     return records
 
 
-def check(world: World, density: float, found: torch.Tensor) -> None:
+def check(world: RandomPool, density: float, found: torch.Tensor) -> None:
     """The elected vector is that of the formula, on the first tensor."""
     part = slice(0, world.layout.entries[0][0].size)
     size = world.layout.size
@@ -82,7 +82,7 @@ def check(world: World, density: float, found: torch.Tensor) -> None:
         raise SystemExit("the elected task vector is not that of the formula")
 
 
-def mergekit_work(world: World, density: float) -> Callable[[], object]:
+def mergekit_work(world: RandomPool, density: float) -> Callable[[], object]:
     """TIES by mergekit, which trims each tensor by itself."""
     from mergekit.merge_methods.api import merge_state_dicts
 

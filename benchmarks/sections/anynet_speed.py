@@ -22,7 +22,7 @@ THREADS = (1, 2)
 
 
 @dataclass(frozen=True)
-class Record:
+class RouteTimes:
     """Milliseconds of a whole forward pass of one height x width pair, propagation stage included."""
 
     height: int
@@ -39,7 +39,7 @@ class Record:
 
 def measure(
     *, sizes: Sequence[tuple[int, int]] = SIZES, threads: Sequence[int] = THREADS, repeats: int = 7
-) -> list[Record]:
+) -> list[RouteTimes]:
     """Both routes at every size (height, width in pixels, multiples of 16) and number of threads.
 
     Weights and images are random: they do not change the time.
@@ -52,7 +52,7 @@ def measure(
             torch.set_num_threads(count)
             for height, width in sizes:
                 plain, fast = _times(network, height, width, repeats)
-                records.append(Record(height, width, count, plain, fast))
+                records.append(RouteTimes(height, width, count, plain, fast))
     finally:
         torch.set_num_threads(before)
     return records

@@ -27,7 +27,7 @@ SIZES = ((256, 512), (384, 1248))
 
 
 @dataclass(frozen=True)
-class Record:
+class ExportTimes:
     """Both on one height x width pair.
 
     Attributes:
@@ -43,7 +43,7 @@ class Record:
     largest: float
 
 
-def measure(base: Path, file: Path, *, repeats: int = 9) -> list[Record]:
+def measure(base: Path, file: Path, *, repeats: int = 9) -> list[ExportTimes]:
     """Both at every size, a rendered pair each.
 
     Args:
@@ -76,7 +76,7 @@ def measure(base: Path, file: Path, *, repeats: int = 9) -> list[Record]:
 
             largest = float(np.abs(by_torch() - by_onnx()).max())
             ours, theirs = _shortest((by_torch, by_onnx), repeats)
-            records.append(Record(height, width, 1e3 * ours, 1e3 * theirs, largest))
+            records.append(ExportTimes(height, width, 1e3 * ours, 1e3 * theirs, largest))
     finally:
         torch.set_num_threads(before)
     return records

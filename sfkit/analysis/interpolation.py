@@ -114,7 +114,7 @@ def interpolation_curves(
         lines: name -> start and end.
         positions: ascending, with 0 and 1 among them.
         validation: names of the benchmarks that guided a search.
-        progress: hears of each evaluation when it is done.
+        progress: called for each evaluation when it is done.
 
     Raises:
         InputError: no line, or positions without both ends.

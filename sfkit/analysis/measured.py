@@ -132,7 +132,7 @@ def measure_recipes(
         validation: names of the benchmarks that guided a search.
         store: where evaluations are kept.
         compute: where and how networks run.
-        progress: hears of each evaluation when it is done.
+        progress: called for each evaluation when it is done.
 
     Raises:
         InputError: a recipe does not suit the pool, a metric is unknown, or a benchmark cannot be scored.

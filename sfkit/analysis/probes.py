@@ -107,7 +107,7 @@ def block_probes(
         evaluator: of the benchmark.
         subset: sources to probe, at least two.
         validation: whether the benchmark guided a search.
-        progress: hears of each evaluation when it is done.
+        progress: called for each evaluation when it is done.
 
     Raises:
         InputError: fewer than two sources, or an unknown one.

@@ -65,7 +65,7 @@ ORACLE = "†"
 """Stands behind a row that chose by the benchmarks of the report."""
 
 LineCallback = Callable[[str], None]
-"""Hears what begins."""
+"""Told what begins."""
 
 
 @dataclass(frozen=True, eq=False)

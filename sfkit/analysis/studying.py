@@ -41,7 +41,7 @@ def study(
         reference: the method that others are compared with, by its name; that of the recommended network
             unless given.
         settings: method name -> settings of its own.
-        progress: hears a line when a method begins.
+        progress: told a line when a method begins.
 
     Raises:
         InputError: no seed, an unknown method, a reference that was not run, ``resamples`` of one pair, or

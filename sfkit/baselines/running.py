@@ -55,7 +55,7 @@ def run_baselines(
         evaluations: of Stage 2.
         tests: evaluators of the benchmarks one reports on; only the methods marked as oracles see them.
         settings: method name -> settings of its own.
-        progress: hears of each method when it begins, and of the end.
+        progress: told of each method when it begins, and of the end.
 
     Raises:
         InputError: an unknown method or setting, or a named method does not suit.

@@ -35,13 +35,13 @@ class Trials:
         self.validation = validation
         self.seconds = 0.0
         self._rows: list[dict[str, Any]] = []
-        self._heard: dict[str, Outcome] = {}
+        self._scored: dict[str, Outcome] = {}
         self._passes = 0
 
     @property
     def evaluations(self) -> int:
         """Distinct recipes that were scored so far, from the store or not."""
-        return len(self._heard)
+        return len(self._scored)
 
     @property
     def image_passes(self) -> int:
@@ -97,8 +97,8 @@ class Trials:
         return pd.DataFrame(self._rows)
 
     def _count(self, outcome: Outcome) -> None:
-        if outcome.key not in self._heard:
-            self._heard[outcome.key] = outcome
+        if outcome.key not in self._scored:
+            self._scored[outcome.key] = outcome
             self.seconds += outcome.seconds
 
 

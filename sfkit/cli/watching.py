@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Watch(Bars):
-    """Hears every generation of both stages.
+    """Shows every generation of both stages.
 
     Args:
         most: stage -> the most candidates it proposes.

@@ -85,8 +85,8 @@ def check_data(
 ) -> DataReport:
     """Look for a data set under a folder, load every pair and report; arguments as in ``open_benchmark``.
 
-    A data set that is not there gives a report with a problem, not an error. ``progress`` hears of each pair
-    when it was loaded: how many were, of how many.
+    A data set that is not there gives a report with a problem, not an error. ``progress`` is told, when a
+    pair was loaded, how many were, and of how many.
 
     Raises:
         InputError: an unknown name or resolution, no such folder, or hints and tables that cannot be read.

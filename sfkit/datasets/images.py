@@ -141,13 +141,13 @@ class _Refinements:
         return any(self._left.values())
 
     def expect(self, frame: bytes, *, progressive: bool) -> None:
-        """Hear of the colours: a frame's content, after its length."""
+        """Note the colours: a frame's content, after its length."""
         self._progressive = progressive
         count = int.from_bytes(frame[5:6], "big")  # 0 where the file ends before it is said
         self._left = {colour: set(range(64)) for colour in frame[6 : 6 + 3 * count : 3]}
 
     def take(self, scan: bytes) -> None:
-        """Hear of a scan: its colours, its first and last frequency, and how many bits it leaves out."""
+        """Note a scan: its colours, its first and last frequency, and how many bits it leaves out."""
         end = 1 + 2 * int.from_bytes(scan[:1], "big")
         if len(scan) < end + 3:
             return

@@ -223,7 +223,7 @@ class Evaluator:
         return self.benchmark.rule.aggregate(images, metric or self.metric)
 
     def outcome(self, evaluation: Evaluation) -> Outcome:
-        """What a search hears of an evaluation."""
+        """What a search is told of an evaluation."""
         score = math.inf if evaluation.failure else self.score(evaluation.images)
         splits = () if evaluation.failure else self.splits
         parts = tuple(self._part(evaluation.images, held) for held in splits)

@@ -1,4 +1,4 @@
-"""What a search hears of a candidate: its score, and where it came from."""
+"""What a search is told of a candidate: its score, and where it came from."""
 
 from __future__ import annotations
 

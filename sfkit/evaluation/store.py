@@ -1,7 +1,7 @@
 """The evaluation store: one SQLite file that holds every evaluation, and is the only state a search has.
 
 The first score written under a key is the truth; a second one for the same key is dropped. A score is
-on disk before anyone hears of it, so that a search killed at any moment and started again from its
+on disk before anyone is told of it, so that a search killed at any moment and started again from its
 seed fast-forwards through the store and ends where it would have ended.
 """
 

@@ -163,7 +163,7 @@ def _opened(path: Path, mode: str) -> sqlite3.Connection:
         if mode == "delete":
             db.execute("PRAGMA locking_mode = NORMAL")
             db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()  # lets go of it
-        # NORMAL may lose the last writes to a power cut, and a score is on disk before anyone hears of it.
+        # NORMAL may lose the last writes to a power cut, and a score is on disk before anyone is told of it.
         db.execute("PRAGMA synchronous = FULL")
     except BaseException:
         db.close()

@@ -34,7 +34,7 @@ COLUMNS = (
 )
 
 ProgressCallback = Callable[[str, int, int], None]
-"""Hears a benchmark's name and how many of its evaluations are done, of how many."""
+"""Called with a benchmark's name and how many of its evaluations are done, of how many."""
 
 
 def score_recipes(
@@ -61,7 +61,7 @@ def score_recipes(
         validation: names of benchmarks that guided a search; their rows have the role ``validation``.
         store: where evaluations are kept.
         compute: where and how networks run.
-        progress: hears of each evaluation when it is done.
+        progress: called for each evaluation when it is done.
 
     Returns:
         Columns ``COLUMNS``; ``score`` in percent or pixels (``unit``), NaN where a candidate failed and

@@ -105,7 +105,7 @@ def export_network(
         architecture: for a file that does not say it.
         options: the architecture's options; those in the file are the default.
         overwrite: whether an existing file may be replaced.
-        progress: hears what is done next, one line each.
+        progress: told what is done next, one line each.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) before what nobody has seen to its end (:func:`untried`).
 

@@ -102,7 +102,7 @@ def run(
         devices: where networks are trained, one on each at a time.
         compute: where the search evaluates; its first device unless given. With the engine ``ray`` the
             trainings are spread over the cluster too.
-        say: hears how it goes.
+        say: told how it goes.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where a guide without ground truth is not to be trusted.
 

@@ -36,7 +36,7 @@ def train_missing(
             this one.
         ray: spread the trainings over a Ray cluster, whose machines see the same files; each takes a CPU, or
             a GPU where ``devices`` begins with ``cuda``.
-        say: hears a line when a training begins, and every fifty steps.
+        say: told a line when a training begins, and every fifty steps.
 
     Raises:
         InputError: no device, or Ray is not installed.

@@ -44,7 +44,7 @@ def open_pool(
     keys, or ``"modules"`` or ``"disagreement"``, with ``:6`` for another number of blocks than four (see
     :func:`~sfkit.merging.partitions.auto_partition`).
 
-    ``progress`` hears of each file when it was read: the file, how many were, and of how many.
+    ``progress`` is called for each file when it was read: the file, how many were, and of how many.
 
     Task vectors of big networks are kept in ``cache`` (the user's, unless given), so that a second
     opening reads no checkpoint that has not changed.

@@ -55,7 +55,7 @@ def report(
         parameters: name -> value for names that its cell tagged ``parameters`` assigns: strings, numbers,
             booleans, None, paths, and lists and dicts of those.
         out: the ``.html`` file to write.
-        progress: hears one plain line a cell, and the lines that cells print.
+        progress: told one plain line a cell, and the lines that cells print.
         figures: ``"svg"`` or ``"png"`` also writes every figure as a file of its own, into the folder
             ``NAME_figures`` beside ``NAME.html``; this needs an installed Chromium.
 

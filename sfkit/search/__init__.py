@@ -1,6 +1,6 @@
 """Searches: which sources to merge (Stage 1) and how to mix them (Stage 2).
 
-A search proposes recipes and hears outcomes; it never touches a tensor or an image::
+A search proposes recipes and is told outcomes; it never touches a tensor or an image::
 
     subset = SubsetSearch(pool.sources, pool.blocks, scorer).run().subset
     best = RoutingSearch(subset, pool.blocks, scorer).run()

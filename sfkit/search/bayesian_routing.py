@@ -137,7 +137,7 @@ class BayesianRoutingSearch(RoutingSearch):
         Args:
             sources: names of the subset's sources, at least two.
             blocks: names of the blocks, in the partition's order.
-            scorer: hears recipes, answers outcomes.
+            scorer: takes recipes, returns outcomes.
             settings: budget, trust region and the like.
             constraints: frozen blocks, and limits the subset must meet.
             start: a recipe over these sources, scored right after x = 0.

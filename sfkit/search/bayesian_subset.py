@@ -129,7 +129,7 @@ class BayesianSubsetSearch(SubsetSearch):
         Args:
             sources: names of the pool's sources, at least two.
             blocks: names of the blocks, in the partition's order.
-            scorer: hears recipes, answers outcomes.
+            scorer: takes recipes, returns outcomes.
             settings: sizes and the like.
             constraints: which subsets may be proposed.
             start: recipes or subsets scored first.

@@ -93,7 +93,7 @@ def search_pool(
     are of the averaged winner, ``winners.csv`` tells what was averaged, and ``best.json`` is the recipe that
     scores best on validation. Run again with the same store, a finished search is read back and an
     interrupted one goes on where it was; ``result.json`` names no place and no time, so that it is the same
-    to the last byte. It is written last: ``judge`` hears what was found before, and what it says stands in
+    to the last byte. It is written last: ``judge`` is given what was found before, and what it says stands in
     there too.
 
     Args:
@@ -101,7 +101,7 @@ def search_pool(
         scorer: what guides.
         plan: what to search.
         folder: where to write, or a folder that the caller holds already.
-        progress: hears of every generation.
+        progress: called for every generation.
         force: whether what another search left in the folder may be replaced.
         judge: says on what was found what ``result.json`` holds besides.
 

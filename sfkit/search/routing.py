@@ -77,7 +77,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         Args:
             sources: names of the subset's sources, at least two.
             blocks: names of the blocks, in the partition's order.
-            scorer: hears recipes, answers outcomes; for a hold-out an evaluator, or several combined.
+            scorer: takes recipes, returns outcomes; for a hold-out an evaluator, or several combined.
             settings: budget, step size and the like.
             constraints: frozen blocks, and limits the subset must meet.
             start: a recipe over these sources; it is scored right after x = 0, as it is, and the first

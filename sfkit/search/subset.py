@@ -66,7 +66,7 @@ class SubsetSearch(Search[SubsetCandidate]):
         Args:
             sources: names of the pool's sources, at least two.
             blocks: names of the blocks, in the partition's order; recipes name them.
-            scorer: hears recipes, answers outcomes.
+            scorer: takes recipes, returns outcomes.
             settings: population size and the like.
             constraints: which subsets may be proposed.
             start: recipes or subsets that take the first places of the initial population; of a recipe

@@ -120,7 +120,7 @@ def finetune(
         licence: of the source's weights, kept in the file; the data set's own unless given.
         form: safetensors, or a torch file in the base's layout.
         overwrite: whether an existing ``out`` may be replaced.
-        listen: hears every step.
+        listen: called after every step.
 
     Raises:
         InputError: files, settings or states that cannot be used, or too many pairs that cannot be read.

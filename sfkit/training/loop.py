@@ -93,7 +93,7 @@ class TrainingTask:
 def train(task: TrainingTask, listen: Listener | None = None, score: Score | None = None) -> Course:
     """Run a training to its end, from its last saved state if there is one; the network is trained in place.
 
-    ``listen`` hears every step, ``score`` is asked at every saved state, both on the first process alone.
+    ``listen`` is called after every step, ``score`` at every saved state, both on the first process alone.
     Under torchrun every process calls this with the same task.
 
     Raises:

@@ -26,11 +26,11 @@ def test_every_size_and_number_of_threads_is_measured(benchmark: dict[str, Any])
 
 
 def test_ratio_is_plain_over_fast(benchmark: dict[str, Any]) -> None:
-    record = benchmark["Record"](height=256, width=512, threads=1, plain_ms=90.0, fast_ms=30.0)
+    record = benchmark["RouteTimes"](height=256, width=512, threads=1, plain_ms=90.0, fast_ms=30.0)
     assert record.ratio == pytest.approx(3.0)
 
 
 def test_the_section_has_a_row_a_record(benchmark: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    record = benchmark["Record"](height=256, width=512, threads=1, plain_ms=90.0, fast_ms=30.0)
+    record = benchmark["RouteTimes"](height=256, width=512, threads=1, plain_ms=90.0, fast_ms=30.0)
     monkeypatch.setitem(benchmark["section"].__globals__, "measure", lambda: [record])
     assert "| 256 x 512 | 1 | 90.0 | 30.0 | 3.00 |" in benchmark["section"]()

@@ -54,7 +54,7 @@ def test_a_record_says_when_how_and_on_what_but_not_where(
     results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = importlib.import_module("sections.anynet_speed")
-    monkeypatch.setattr(module, "measure", lambda: [module.Record(16, 32, 1, 9.04, 3.0)])
+    monkeypatch.setattr(module, "measure", lambda: [module.RouteTimes(16, 32, 1, 9.04, 3.0)])
     path = results.record("anynet-speed", tmp_path)
     assert path == tmp_path / "benchmarks" / "README.md"
     written = path.read_text()

@@ -53,7 +53,7 @@ def test_windows_are_the_same_in_both_views(scripts: tuple[ModuleType, ...]) -> 
     ramp = np.arange(20 * 30 * 3, dtype=np.int64).reshape(20, 30, 3)
     left = (ramp % 256).astype(np.uint8)
     disparity = np.arange(600, dtype=np.float32).reshape(20, 30)
-    cut = scripts[2].window(Sample("pair", left, left[:, ::-1].copy(), disparity), (8, 10))
+    cut = scripts[1].window(Sample("pair", left, left[:, ::-1].copy(), disparity), (8, 10))
     assert cut.size == (8, 10)
     assert np.array_equal(cut.left, left[6:14, 10:20])
     assert np.array_equal(cut.right, left[:, ::-1][6:14, 10:20])
@@ -67,7 +67,7 @@ def test_vectors_have_the_features_of_the_recipes_they_stand_for(scripts: tuple[
     names, blocks = ("a", "b", "c", "d"), ("backbone", "head")
     encoding = Encoding(("d", "b"), blocks)
     draws = np.random.default_rng(0).standard_normal((5, encoding.dimension))
-    mine = scripts[3].points(encoding, draws, names)
+    mine = scripts[2].points(encoding, draws, names)
     theirs = recipe_features([encoding.decode(x) for x in draws], names, blocks)
     for one, other in zip(mine, theirs, strict=True):
         assert one == pytest.approx(other, abs=1e-12)

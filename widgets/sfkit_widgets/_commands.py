@@ -1,4 +1,4 @@
-"""Commands: what a widget's front end may ask of its Python side, and how it hears back."""
+"""Commands: what a widget's front end may ask of its Python side, and how it is answered."""
 
 from __future__ import annotations
 

@@ -95,6 +95,6 @@ _STILLS: WeakSet[Still] = WeakSet()
 
 
 def _renew_all(*_: object) -> None:
-    """At the end of a cell, from its own thread: a run without a screen hears of nothing later."""
+    """At the end of a cell, from its own thread: a run without a screen is told of nothing later."""
     for still in list(_STILLS):
         still.renew()
