@@ -234,6 +234,7 @@ def compare_networks(
 
 def _corrected(rows: Sequence[ComparedNetwork], beside: Sequence[float] = ()) -> tuple[ComparedNetwork, ...]:
     """All rows, each family of their differences corrected together; ``beside`` belongs to the unseen's."""
+    # Three families, one a question: Holm's price grows with the number of claims.
     single = iter(corrected([one for row in rows for one in row.differences]))
     guided = iter(corrected([row.guided_difference for row in rows if row.guided_difference]))
     unseen = iter(corrected([row.unseen_difference for row in rows if row.unseen_difference], beside))

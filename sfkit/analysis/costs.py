@@ -125,6 +125,7 @@ def overhead_table(
     """
     if joint is not None and not joint > 0.0:
         raise InputError(f"cost: found {joint} seconds of joint retraining, expected a positive number")
+    # Not "<= 0", which NaN would pass.
     if not training or any(not seconds > 0.0 for seconds in training.values()):
         raise InputError(
             f"cost: found the trainings {dict(training)}, expected positive seconds for each source"
@@ -147,4 +148,5 @@ def overhead_table(
         table = pd.concat([row, table])[columns[1:]]
         searches = table["overhead [%]"].notna()
         table["of joint retraining [%]"] = (100.0 * table["wall seconds"] / joint).where(searches)
+    # The fine-tuning's row has no evaluations, which would turn the others into fractions.
     return table.astype({"evaluations": "Int64", "image passes": "Int64"})
