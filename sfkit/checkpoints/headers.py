@@ -1,23 +1,18 @@
-"""What a safetensors file says of itself, read without torch: names, types, shapes, digests and texts."""
+"""What a safetensors file says of itself, read without torch: names, types, shapes, places and texts."""
 
 from __future__ import annotations
 
 import json
 import math
-import mmap
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 from safetensors import SafetensorError, safe_open
 
-from sfkit.checkpoints.fingerprints import content_digest
 from sfkit.errors import InputError, nearest
 from sfkit.files import trouble
 from sfkit.outside import parse_json
-
-if TYPE_CHECKING:
-    import numpy as np
 
 SAFETENSORS = ".safetensors"
 TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
@@ -36,26 +31,25 @@ _DTYPES = {
     "U8": "torch.uint8",
     "BOOL": "torch.bool",
 }
-_NUMPY = {
-    name: f"<{name[0].lower()}{int(name[1:]) // 8}" for name in ("F64", "F32", "F16", "I64", "I32", "I16")
-}
 _BYTES = {name: 1 if name == "BOOL" else int(name.strip("BFIU")) // 8 for name in _DTYPES}
 _LARGEST_HEADER = 100_000_000  # bytes, as safetensors has it
 
 
 @dataclass(frozen=True)
-class StoredTensor:
-    """One tensor of a file.
+class TensorPlace:
+    """A tensor in a file.
 
     Attributes:
-        dtype: as torch spells it.
+        dtype: as torch spells it, such as ``"torch.float32"``.
         shape: of the tensor.
-        digest: as :func:`sfkit.checkpoints.fingerprints.tensor_digest`.
+        begin: byte of the file at which its elements begin; they follow in order, little-endian.
+        end: the byte behind them.
     """
 
     dtype: str
     shape: tuple[int, ...]
-    digest: str
+    begin: int
+    end: int
 
 
 def is_checkpoint_name(path: Path) -> bool:
@@ -116,45 +110,16 @@ def read_texts(path: Path) -> dict[str, str]:
         raise InputError(f"{path}: cannot be read as safetensors ({error}), expected a whole file") from error
 
 
-def stored_tensors(path: Path, *, digests: bool = True) -> dict[str, StoredTensor] | None:
-    """Key -> tensor of a safetensors file that :func:`read_texts` has read; None where a type is unusual.
-
-    Without ``digests``, which are empty then, no content is read.
-    """
+def safetensors_places(path: Path) -> dict[str, TensorPlace] | None:
+    """Key -> place of a safetensors file that :func:`read_texts` has read; None where a type is unusual."""
     with path.open("rb") as file:
         start, entries = _entries(file)
-        if any(entry["dtype"] not in _DTYPES for entry in entries.values()):
-            return None
-        if not digests:
-            return {k: StoredTensor(_DTYPES[e["dtype"]], tuple(e["shape"]), "") for k, e in entries.items()}
-        found = {}
-        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as pages:
-            for key, entry in entries.items():
-                dtype, shape = _DTYPES[entry["dtype"]], tuple(entry["shape"])
-                begin, end = entry["data_offsets"]
-                # Views are let go of here: a map with one left refuses to close.
-                with memoryview(pages) as view, view[start + begin : start + end] as content:
-                    found[key] = StoredTensor(dtype, shape, content_digest(dtype, shape, content))
-        return found
-
-
-def stored_arrays(path: Path) -> dict[str, np.ndarray] | None:
-    """Key -> array of a safetensors file that :func:`read_texts` has read; None where numpy lacks a type.
-
-    They are pages of the file and cannot be written to.
-    """
-    import numpy as np
-
-    with path.open("rb") as file:
-        start, entries = _entries(file)
-    if any(entry["dtype"] not in _NUMPY for entry in entries.values()):
+    if any(entry["dtype"] not in _DTYPES for entry in entries.values()):
         return None
-    pages = np.memmap(path, np.uint8, "r")
-    found = {}
-    for key, entry in entries.items():
-        begin, end = entry["data_offsets"]
-        found[key] = pages[start + begin : start + end].view(_NUMPY[entry["dtype"]]).reshape(entry["shape"])
-    return found
+    return {
+        key: TensorPlace(_DTYPES[e["dtype"]], tuple(e["shape"]), *(start + n for n in e["data_offsets"]))
+        for key, e in entries.items()
+    }
 
 
 def _entries(file: BinaryIO) -> tuple[int, dict[str, Any]]:

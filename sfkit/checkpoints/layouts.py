@@ -12,13 +12,16 @@ import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 from sfkit.checkpoints.inert import foreign
 from sfkit.errors import InputError, SfkitWarning
+from sfkit.outside import parse_json
 
 if TYPE_CHECKING:
     import torch
+
+Held = TypeVar("Held")
 
 # In the order in which they are taken where a file has several: what was trained before its averages.
 CONTAINERS = (
@@ -89,19 +92,29 @@ def unwrap(
     """
     import torch
 
-    found, state = _contained(content, path, container)
+    tensors, layout = unwrap_any(content, path, torch.Tensor, container)
+    # A file may hold parameters, which are made for training: their values are meant.
+    return {key: tensor.detach() for key, tensor in tensors.items()}, layout
+
+
+def unwrap_any(
+    content: object, path: Path, kind: type[Held], container: str | None = None
+) -> tuple[dict[str, Held], Layout]:
+    """The same of a file in which values of the type ``kind`` stand where tensors do."""
+    found, state = _contained(content, path, kind, container)
     beside: dict[str, float | str] = {}
     if found is not None and isinstance(content, Mapping):
         beside = {key: value for key, value in content.items() if _is_plain(key, value)}
-    # A file may hold parameters, which are made for training: their values are meant.
-    tensors = {str(key): value.detach() for key, value in state.items() if isinstance(value, torch.Tensor)}
+    tensors = {str(key): value for key, value in state.items() if isinstance(value, kind)}
     prefix = common_prefix(tensors)
     return {key[len(prefix) :]: tensor for key, tensor in tensors.items()}, Layout(
         found, prefix, beside=beside
     )
 
 
-def _contained(content: object, path: Path, container: str | None) -> tuple[str | None, Mapping[Any, Any]]:
+def _contained(
+    content: object, path: Path, kind: type[Any], container: str | None
+) -> tuple[str | None, Mapping[Any, Any]]:
     if container:
         inner = content
         for name in container.split("."):
@@ -111,17 +124,17 @@ def _contained(content: object, path: Path, container: str | None) -> tuple[str 
                 )
                 raise InputError(f"{path}: has no entry {name!r} (container {container!r}), found {held}")
             inner = inner[name]
-        if not _is_state(inner):
+        if not _is_state(inner, kind):
             raise InputError(f"{path}: {container!r} is {describe(inner)}, expected a state dict")
         return container, inner
-    if _is_state(content):
+    if _is_state(content, kind):
         return None, content
     if not isinstance(content, Mapping) or not content:
         raise InputError(
             f"{path}: found {describe(content)}, expected a state dict of named tensors: "
             "save the network with torch.save(network.state_dict(), path)"
         )
-    candidates = list(_candidates(content))
+    candidates = list(_candidates(content, kind))
     if not candidates:
         held = ", ".join(_named(key, content[key]) for key in sorted(content, key=str)[:8])
         raise InputError(
@@ -136,24 +149,35 @@ def _contained(content: object, path: Path, container: str | None) -> tuple[str 
             f'{path}: holds weights under {name} and {others}, {name} was read: say container = "..." in '
             "pool.toml where another is meant",
             SfkitWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
     return name, state
 
 
-def _candidates(content: Mapping[Any, Any], outer: str = "") -> Iterator[tuple[str, Mapping[Any, Any]]]:
+def _candidates(
+    content: Mapping[Any, Any], kind: type[Any], outer: str = ""
+) -> Iterator[tuple[str, Mapping[Any, Any]]]:
     """Entries that hold a state dict, those in an entry that is a container itself last."""
     known = [name for name in CONTAINERS if isinstance(content.get(name), Mapping)]
     for name in known:
-        if _is_state(content[name]):
+        if _is_state(content[name], kind):
             yield outer + name, content[name]
     for name in () if outer else known:
         inner = content[name]
-        if not _is_state(inner):
+        if not _is_state(inner, kind):
             wrapped = inner.get("module")
-            if _is_state(wrapped):
+            if _is_state(wrapped, kind):
                 yield f"{name}.module", wrapped
-            yield from _candidates(inner, f"{name}.")
+            yield from _candidates(inner, kind, f"{name}.")
+
+
+def own_texts(path: Path, content: object) -> dict[str, str]:
+    """What :mod:`sfkit.checkpoints.writing` put beside the weights of a torch file."""
+    held = content.get(OWN) if isinstance(content, Mapping) else None
+    if not isinstance(held, str):
+        return {}
+    values = parse_json(held, f"{path}: its sfkit entry", "was it edited?")
+    return {str(k): str(v) for k, v in values.items()} if isinstance(values, dict) else {}
 
 
 def common_prefix(keys: Mapping[str, Any]) -> str:
@@ -167,13 +191,11 @@ def common_prefix(keys: Mapping[str, Any]) -> str:
     return prefix
 
 
-def _is_state(value: object) -> TypeGuard[Mapping[str, Any]]:
+def _is_state(value: object, kind: type[Any]) -> TypeGuard[Mapping[str, Any]]:
     """Named tensors, beside which numbers, texts and foreign objects may stand, but nothing nested."""
-    import torch
-
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         return False
-    others = [entry for entry in value.values() if not isinstance(entry, torch.Tensor)]
+    others = [entry for entry in value.values() if not isinstance(entry, kind)]
     plain = all(entry is None or isinstance(entry, int | float | str) or foreign(entry) for entry in others)
     return len(others) < len(value) and plain
 

@@ -19,10 +19,10 @@ from safetensors import SafetensorError, safe_open
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.headers import INDEX, SAFETENSORS, ensure_checkpoint
 from sfkit.checkpoints.inert import load_inert
-from sfkit.checkpoints.layouts import OWN, Layout, Wrapping, common_prefix, unwrap
+from sfkit.checkpoints.layouts import Layout, Wrapping, common_prefix, own_texts, unwrap
 from sfkit.errors import InputError
 from sfkit.files import Signature, is_file, signature
-from sfkit.outside import parse_json, read_json
+from sfkit.outside import read_json
 
 MAX_INDEX_BYTES = 64 * 2**20
 
@@ -138,16 +138,7 @@ def _read_torch(path: Path, wrapping: Wrapping) -> CheckpointFile:
         reason = _first_sentence(str(error)) or type(error).__name__
         raise InputError(f"{path}: cannot be read ({reason}), expected a whole torch file") from error
     tensors, layout = unwrap(content, path, wrapping.container)
-    return CheckpointFile(path, tensors, layout, _own_metadata(path, content), mapped)
-
-
-def _own_metadata(path: Path, content: object) -> dict[str, str]:
-    """What :mod:`sfkit.checkpoints.writing` put beside the weights of a torch file."""
-    held = content.get(OWN) if isinstance(content, Mapping) else None
-    if not isinstance(held, str):
-        return {}
-    values = parse_json(held, f"{path}: its sfkit entry", "was it edited?")
-    return {str(k): str(v) for k, v in values.items()} if isinstance(values, dict) else {}
+    return CheckpointFile(path, tensors, layout, own_texts(path, content), mapped)
 
 
 def _refusal(path: Path, message: str) -> str:

@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
-from sfkit.checkpoints.headers import SAFETENSORS, SUFFIXES, StoredTensor, read_texts, stored_tensors
-from sfkit.checkpoints.layouts import Layout, common_prefix
+from sfkit.checkpoints.headers import SUFFIXES, TensorPlace
+from sfkit.checkpoints.layouts import Layout
 from sfkit.checkpoints.spec import read_pool_spec
+from sfkit.checkpoints.stored import stored_file
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.files import trouble
 from sfkit.merging.known import Relations, architecture_of, relations
@@ -61,9 +62,9 @@ def inspect_file(path: str | Path) -> Description:
 
 
 def _network(path: Path) -> Description:
-    tensors, layout = _tensors(path)
+    tensors, digests, layout = _tensors(path)
     elements = sum(math.prod(tensor.shape) for tensor in tensors.values())
-    identity = fingerprint({key: tensor.digest for key, tensor in tensors.items()})
+    identity = fingerprint(digests)
     origin = read_origin(path)
     names = _architectures(path, tensors, origin)
     document = {
@@ -86,7 +87,7 @@ def _network(path: Path) -> Description:
     return Description(document, "\n".join([*lines, *(_origin_lines(origin) if origin else ())]))
 
 
-def _architectures(path: Path, tensors: Mapping[str, StoredTensor], origin: Origin | None) -> list[str]:
+def _architectures(path: Path, tensors: Mapping[str, TensorPlace], origin: Origin | None) -> list[str]:
     """What a merged file says it is, or what another one's keys and shapes fit."""
     if origin is not None:
         return [str(origin.architecture["name"])]
@@ -120,22 +121,16 @@ def _folder(folder: Path) -> Description:
     return Description(document, "\n".join(lines))
 
 
-def _tensors(path: Path) -> tuple[dict[str, StoredTensor], Layout]:
-    """Bare key -> tensor, and the layout; of a safetensors file without torch."""
-    if path.suffix.lower() == SAFETENSORS:
-        texts = read_texts(path)
-        stored = stored_tensors(path)
-        if stored:
-            layout = Layout(texts.get("sfkit.container") or None, common_prefix(stored))
-            return {key[len(layout.prefix) :]: tensor for key, tensor in stored.items()}, layout
+def _tensors(path: Path) -> tuple[Mapping[str, TensorPlace], dict[str, str], Layout]:
+    """Bare key -> tensor, bare key -> digest, and the layout; without torch where nothing is unusual."""
+    if stored := stored_file(path):
+        return stored.places, stored.digests(), stored.layout
     from sfkit.checkpoints.reading import read_checkpoint
 
     file = read_checkpoint(path)
-    tensors = {
-        key: StoredTensor(str(tensor.dtype), tuple(tensor.shape), tensor_digest(tensor))
-        for key, tensor in file.tensors.items()
-    }
-    return tensors, file.layout
+    held = file.tensors.items()
+    places = {key: TensorPlace(str(tensor.dtype), tuple(tensor.shape), 0, 0) for key, tensor in held}
+    return places, {key: tensor_digest(tensor) for key, tensor in held}, file.layout
 
 
 def _origin(origin: Origin) -> dict[str, Any]:

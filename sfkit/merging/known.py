@@ -19,10 +19,11 @@ from typing import TYPE_CHECKING, Any
 
 from sfkit.architectures import code
 from sfkit.checkpoints.fingerprints import COUNTER, text_digest
-from sfkit.checkpoints.headers import SAFETENSORS, StoredTensor, read_texts, stored_arrays, stored_tensors
+from sfkit.checkpoints.headers import TensorPlace
 from sfkit.checkpoints.kinship import Kinship, KinshipSums
-from sfkit.checkpoints.layouts import Wrapping, common_prefix
+from sfkit.checkpoints.layouts import Wrapping
 from sfkit.checkpoints.spec import PoolSpec
+from sfkit.checkpoints.stored import StoredFile, stored_file
 from sfkit.merging.blocks import BlockPartition
 
 if TYPE_CHECKING:
@@ -90,25 +91,20 @@ def table() -> dict[str, KnownArchitecture]:
     }
 
 
-def known_architecture(path: Path) -> str | None:
-    """The shipped architecture a safetensors file fits in every key, shape and type.
+def known_file(path: Path) -> tuple[StoredFile, str] | None:
+    """A checkpoint, and the shipped architecture that it fits in every key, shape and type.
 
     None for a file that is not so plain, and where the registry is in use, which may have others.
 
     Raises:
         InputError: the file cannot be read.
     """
-    if path.suffix.lower() != SAFETENSORS or not nobody_registered():
-        return None
-    read_texts(path)
-    stored = stored_tensors(path, digests=False)
-    if not stored:
-        return None
-    prefix = len(common_prefix(stored))
-    return architecture_of({key[prefix:]: tensor for key, tensor in stored.items()})
+    stored = stored_file(path) if nobody_registered() else None
+    name = architecture_of(stored.places) if stored else None
+    return (stored, name) if stored and name else None
 
 
-def architecture_of(tensors: Mapping[str, StoredTensor]) -> str | None:
+def architecture_of(tensors: Mapping[str, TensorPlace]) -> str | None:
     """The same of a file's tensors by their bare keys."""
     if not nobody_registered():
         return None
@@ -139,12 +135,12 @@ def _declared(places: tuple[str, ...]) -> bool:
 
 
 def matrices(path: Path) -> dict[str, np.ndarray] | None:
-    """Key -> matrix or kernel of a file that :func:`known_architecture` names; None for types numpy lacks."""
-    arrays = stored_arrays(path)
+    """Key -> matrix or kernel of a :func:`known_file`; None for others and types that numpy lacks."""
+    known = known_file(path)
+    arrays = known[0].arrays() if known else None
     if arrays is None:
         return None
-    prefix = len(common_prefix(arrays))
-    return {key[prefix:]: a for key, a in arrays.items() if a.ndim >= 2 and a.dtype.kind == "f"}
+    return {key: a for key, a in arrays.items() if a.ndim >= 2 and a.dtype.kind == "f"}
 
 
 def relations(spec: PoolSpec) -> Relations | None:
@@ -161,7 +157,13 @@ def relations(spec: PoolSpec) -> Relations | None:
     members = (spec.base, *spec.sources)
     if any(member.wrapping not in (None, Wrapping()) for member in members):
         return None
-    sound = {m.name: found for m in members if (found := _sound(m.path, spec.architecture, entry))}
+    base_file = known_file(spec.base.path)
+    whole = base_file is not None and any(_any(key, entry.optional) for key in base_file[0].places)
+    if whole and spec.options:  # one may leave optional parts out
+        return None
+    sound = {
+        m.name: found for m in members if (found := _sound(m.path, spec.architecture, entry, whole=whole))
+    }
     contents = {b"".join(array.tobytes() for array in arrays.values()) for arrays in sound.values()}
     if len(contents) < len(members):  # one is not sound, or two are the same
         return None
@@ -178,15 +180,20 @@ def relations(spec: PoolSpec) -> Relations | None:
     return Relations(kinships, sizes)
 
 
-def _sound(path: Path, architecture: str, entry: KnownArchitecture) -> dict[str, np.ndarray] | None:
-    """Key -> what a pool merges of a file, all of it finite and no variance below 0; None for other files."""
+def _sound(
+    path: Path, architecture: str, entry: KnownArchitecture, *, whole: bool
+) -> dict[str, np.ndarray] | None:
+    """Key -> what a pool merges of a file, all of it finite and no variance below 0; None for other files.
+
+    ``whole`` files have the optional parts, others have none of them.
+    """
     import numpy as np
 
-    arrays = stored_arrays(path) if known_architecture(path) == architecture else None
-    if arrays is None or any(_any(key, entry.optional) for key in arrays):
+    known = known_file(path)
+    arrays = known[0].arrays() if known and known[1] == architecture else None
+    if arrays is None or any(_any(key, entry.optional) for key in arrays) != whole:
         return None
-    prefix = len(common_prefix(arrays))
-    kept = {key[prefix:]: arrays[key] for key in sorted(arrays) if not key.endswith(COUNTER)}
+    kept = {key: arrays[key] for key in sorted(arrays) if not key.endswith(COUNTER)}
     for key, array in kept.items():
         if not np.isfinite(array).all() or (key.endswith(".running_var") and (array < 0).any()):
             return None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.checkpoints.headers import SAFETENSORS, is_checkpoint_name, read_texts
+from sfkit.checkpoints.stored import stored_file
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.merging.recipe import Recipe
 from sfkit.outside import parse_json, read_json, table
@@ -105,9 +106,11 @@ def _content(path: Path) -> str:
 
 
 def _texts(path: Path) -> Mapping[str, str]:
-    """The text entries of a checkpoint; only those that are no safetensors file need torch."""
+    """The text entries of a checkpoint; only one in which something is unusual needs torch."""
     if path.suffix.lower() == SAFETENSORS and path.is_file():
         return read_texts(path)
+    if stored := stored_file(path):
+        return stored.metadata
     from sfkit.checkpoints.reading import read_checkpoint
 
     return read_checkpoint(path).metadata

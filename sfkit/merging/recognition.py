@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from sfkit.checkpoints.headers import is_checkpoint_name
 from sfkit.checkpoints.spec import ROWS
 from sfkit.errors import InputError, SfkitWarning, unknown_name
-from sfkit.merging.known import known_architecture, matrices
+from sfkit.merging.known import known_file, matrices
 from sfkit.outside import is_text, toml_value
 
 if TYPE_CHECKING:
@@ -51,8 +51,8 @@ def recognised(path: Path) -> tuple[str, ...]:
     Raises:
         InputError: the file cannot be read.
     """
-    if known := known_architecture(path):
-        return (known,)
+    if known := known_file(path):
+        return (known[1],)
     from sfkit.architectures import architecture, architectures
     from sfkit.architectures.code import FAILURES
     from sfkit.checkpoints.reading import read_checkpoint
@@ -173,7 +173,7 @@ def _family(
 
 def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
     """Key as the network has it -> each matrix and kernel of a checkpoint of the architecture ``name``."""
-    plain = matrices(path) if known_architecture(path) else None
+    plain = matrices(path)
     if plain is not None:
         return plain
     import torch

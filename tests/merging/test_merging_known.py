@@ -81,6 +81,27 @@ def test_a_pool_is_described_as_the_opened_one_is(name: str) -> None:
     assert sum(found.blocks.values()) == open_pool(path).layout.size
 
 
+@pytest.mark.usefixtures("alone")
+@pytest.mark.parametrize("spn", [True, False])
+@pytest.mark.parametrize("archive", [True, False])
+def test_so_is_a_pool_of_torch_files(tmp_path: Path, *, spn: bool, archive: bool) -> None:
+    path = write_pool(tmp_path, sources=2)
+    whole = registry.architecture("anynet").build(spn=True).state_dict() if spn else {}
+    lines = path.read_text().replace(".safetensors", ".tar").splitlines()
+    for file in tmp_path.glob("*.safetensors"):
+        state = {f"module.{key}": tensor for key, tensor in (whole | load_file(file)).items()}
+        content = {"epoch": 3, "state_dict": state}
+        torch.save(content, file.with_suffix(".tar"), _use_new_zipfile_serialization=archive)
+    # With options of its own a network may have no optional part.
+    path.write_text("\n".join(line for line in lines if not spn or line[:4] not in ("[opt", "rang", "spn ")))
+    found, (opened, doubts) = known.relations(read_pool_spec(path)), inspection._relations(path)
+    assert found is not None
+    assert doubts == ()
+    assert found.blocks == opened.blocks
+    for source, kinship in opened.kinships.items():
+        assert vars(found.kinships[source]) == pytest.approx(vars(kinship), rel=1e-9), source
+
+
 def test_a_folder_is_the_same_family_with_and_without_the_registry(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,7 +164,7 @@ def test_where_the_registry_is_in_use_it_is_asked(tmp_path: Path, monkeypatch: p
     # Other tests of the same process may have registered networks with the same keys.
     monkeypatch.setattr(registry, "_REGISTRY", {name: registry.architecture(name) for name in shipped})
     spec = read_pool_spec(write_pool(tmp_path))
-    assert known.known_architecture(spec.base.path) is None
+    assert known.known_file(spec.base.path) is None
     assert recognition.recognised(spec.base.path) == ("anynet",)
     assert np.isfinite(inspection._relations(tmp_path / "pool.toml")[0].kinships["a"].cosine)
 
@@ -208,10 +229,10 @@ def test_what_installed_packages_declare_is_asked_too(
     save_file(registry.architecture("anynet").build().state_dict(), base)
     with monkeypatch.context() as unused:
         unused.delitem(sys.modules, "sfkit.architectures.registry")
-        assert known.known_architecture(base) == "anynet"
+        assert (known.known_file(base) or (None, None))[1] == "anynet"
         _install(tmp_path / "site", name)
         unused.syspath_prepend(tmp_path / "site")
-        assert known.known_architecture(base) is None
+        assert known.known_file(base) is None
         unused.setitem(sys.modules, "sfkit.architectures.registry", registry)
         with pytest.warns(SfkitWarning, match=said) if said else nullcontext():
             assert recognition.recognised(base) == expected

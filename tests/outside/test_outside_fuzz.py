@@ -22,9 +22,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from safetensors.torch import save
 
-from sfkit.checkpoints.headers import read_texts, stored_arrays, stored_tensors
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.spec import read_pool_spec
+from sfkit.checkpoints.stored import stored_file
 from sfkit.datasets.calibration import read_calibration
 from sfkit.datasets.formats import read_disparity
 from sfkit.datasets.manifests import read_manifest
@@ -79,9 +79,10 @@ def png() -> bytes:
     return bytes(cv2.imencode(".png", np.arange(12, dtype=np.uint16).reshape(3, 4))[1])
 
 
-def torch_file() -> bytes:
+def torch_file(*, archive: bool = True) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        torch.save({"state_dict": {"w": torch.zeros(2)}}, Path(folder) / "x.pth")
+        content = {"state_dict": {"w": torch.zeros(2)}, "step": 3}
+        torch.save(content, Path(folder) / "x.pth", _use_new_zipfile_serialization=archive)
         return (Path(folder) / "x.pth").read_bytes()
 
 
@@ -97,7 +98,8 @@ def table(path: Path) -> object:
 
 def header(path: Path) -> object:
     """As ``show`` reads it, without torch."""
-    return read_texts(path), stored_tensors(path), stored_arrays(path)
+    stored = stored_file(path)
+    return stored and (stored.digests(), stored.arrays())
 
 
 READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
@@ -128,6 +130,8 @@ READERS: dict[str, tuple[str, bytes, Callable[[Path], object]]] = {
     "safetensors": ("x.safetensors", save({"w": torch.zeros(2)}, {"sfkit.recipe": "{}"}), read_origin),
     "header": ("x.safetensors", save({"w": torch.zeros(2, 3)}), header),
     "torch": ("x.pth", torch_file(), read_checkpoint),
+    "archive": ("x.pth", torch_file(), header),
+    "row": ("x.tar", torch_file(archive=False), header),
     "index": ("x.safetensors.index.json", b'{"weight_map": {"w": "x.safetensors"}}', read_checkpoint),
 }
 WORDS = (
