@@ -18,7 +18,7 @@ from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.targets import FileForm
 from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.datasets.synthetic import domains, synthetic_pair
-from sfkit.errors import InputError, SfkitWarning, unknown_name
+from sfkit.errors import InputError, SfkitError, SfkitWarning, unknown_name
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
@@ -150,9 +150,26 @@ def export_network(
     made = MAKERS[form](network, sizes, example.left, example.right, tell)
     tell("running the file beside the network")
     fed = Fed.of(*pair, loaded.inputs, sizes)
-    exported = _compared(out, form, sizes, fed.crop(made.run(fed.left, fed.right)), expected)
+    exported = _compared(out, form, sizes, fed.crop(_run(made, fed, kind)), expected)
     write_bytes(out, made.content(_metadata(path, loaded, exported)))
     return exported
+
+
+def _run(made: formats.ExportedNetwork, fed: Fed, kind: str) -> NDArray[np.float32]:
+    """What the file returns of a pair.
+
+    Raises:
+        SfkitError: it does not run at this size, as one of any size may that holds on to that of its making.
+    """
+    try:
+        return made.run(fed.left, fed.right)
+    except Exception as error:  # whatever runs the file raises
+        reason = next((line for line in str(error).splitlines() if line.strip()), "no reason given")
+        height, width = fed.left.shape[-2:]
+        raise SfkitError(
+            f"the exported {kind} does not run on images of {height}x{width} ({type(error).__name__}: "
+            f"{reason}); nothing was written: export it for one size, or to another format"
+        ) from error
 
 
 def form_of(form: Form | str) -> Form:

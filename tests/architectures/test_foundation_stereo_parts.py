@@ -180,6 +180,17 @@ def test_positions_on_the_stored_grid_are_the_stored_ones() -> None:
     assert torch.equal(resampled[:, 0], vit.pos_embed[:, 0])
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::torch.jit.TracerWarning")
+def test_a_trace_keeps_the_positions_of_its_size() -> None:
+    """It counts rows and columns in tensors: for TorchScript this did not export."""
+    vit = VisionTransformer(TINY).requires_grad_(False)
+    image = torch.rand(1, 3, 112, 224)
+    traced = torch.jit.trace(  # type: ignore[no-untyped-call]
+        lambda x: vit.position_codes(x.shape[-2] // 14, x.shape[-1] // 14), image, check_trace=False
+    )
+    assert torch.equal(traced(image), vit.position_codes(8, 16))
+
+
 @pytest.fixture(scope="module")
 def network() -> FoundationStereo:
     torch.manual_seed(5)

@@ -23,7 +23,7 @@ from sfkit.architectures.portable import portable
 from sfkit.cli import main
 from sfkit.datasets.images import read_image
 from sfkit.errors import InputError, SfkitError, SfkitWarning
-from sfkit.exporting import Form, export, export_network
+from sfkit.exporting import Form, export, export_network, formats
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
 from sfkit.exporting.export import rendered_pair
 from sfkit.exporting.formats import TRACING
@@ -223,6 +223,24 @@ def test_a_network_that_does_not_export_is_named_in_one_sentence(tmp_path: Path)
             architecture="export-complex",
         )
     assert not (tmp_path / "out.pt2").exists()
+
+
+class Difference(torch.nn.Module):
+    """The smallest network there is."""
+
+    def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+        return (left - right).abs().mean(1)
+
+
+def test_a_file_that_holds_on_to_another_size_is_told_in_one_sentence() -> None:
+    """As some do that were to take any."""
+    inputs, made_for, asked = sfkit.InputConvention(multiple=1), Sizes((32, 32), 1), Sizes((32, 48), 1)
+    example = Fed.of(*rendered_pair((32, 32)), inputs, made_for)
+    network = DeployedNetwork(Difference(), inputs, made_for)
+    made = formats.torch_export(network, made_for, example.left, example.right, lambda _line: None)
+    assert export._run(made, example, "net").shape == (1, 32, 32)
+    with pytest.raises(SfkitError, match=r"the exported net does not run on images of 32x48 \("):
+        export._run(made, Fed.of(*rendered_pair((32, 48)), inputs, asked), "net")
 
 
 @pytest.mark.parametrize("reason", [None, "its windows"])

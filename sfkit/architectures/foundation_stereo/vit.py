@@ -106,7 +106,8 @@ class VisionTransformer(nn.Module):
         """
         grid = self.pos_embed[:, 1:].view(1, GRID, GRID, -1).permute(0, 3, 1, 2)
         if (rows, cols) != (GRID, GRID):
-            factors = ((rows + 0.1) / GRID, (cols + 0.1) / GRID)
+            # A trace counts in tensors, whose float32 would round what counts here.
+            factors = tuple((int(n) + 0.1) / GRID for n in (rows, cols))
             grid = F.interpolate(grid, scale_factor=factors, mode="bicubic")
         return torch.cat([self.pos_embed[:, :1], grid.flatten(2).transpose(1, 2)], dim=1)
 
