@@ -22,7 +22,7 @@ from sfkit.errors import InputError, SfkitError, SfkitWarning, unknown_name
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
-from sfkit.exporting.forms import ENDINGS, SEEN, Form, kind_of, untried
+from sfkit.exporting.forms import ENDINGS, SEEN, Form, called, kind_of, untried
 from sfkit.files import unwritable, write_bytes
 from sfkit.merging.network import LoadedNetwork, load_network
 from sfkit.merging.origin import stated_metadata
@@ -127,7 +127,7 @@ def export_network(
     loaded = load_network(path, name=architecture, options=options)
     kind = kind_of(loaded)
     if (reason := SEEN.get(kind, {}).get((form, dynamic))) is not None:
-        raise InputError(f"{path}: {kind} does not export so: {reason}")
+        raise InputError(f"{path}: {kind} does not export to {called(form, dynamic=dynamic)}: {reason}")
     if (what := untried(kind, form, dynamic=dynamic)) is not None:
         warnings.warn(
             f"{what} was never run to its end with {kind}: it may take long or fail; the check on the "

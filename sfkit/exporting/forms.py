@@ -22,15 +22,30 @@ ENDINGS = {
     Form.TORCHSCRIPT: (".pt", ".ts"),
     Form.PTH: (".pth", ".pt", ".ckpt", ".tar"),
 }
+_RESIZES = (
+    "its monocular branch resizes every image by a factor that the file would keep from the size it was made "
+    "at; give a size"
+)
 # Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
-# What stands here was run whole (docs/results.md).
+# What stands here was run whole (docs/results.md), or its part that does not export was.
 SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
-    "foundation-stereo vits": {(Form.ONNX, False): None, (Form.TORCH, False): None},
-    "foundation-stereo vitb": {},
-    "foundation-stereo vitl": {},
-    "nmrf-res": {(Form.ONNX, False): None},
-    "nmrf-swint": {(Form.ONNX, False): None},
+    "foundation-stereo vits": {
+        (Form.ONNX, False): None,
+        (Form.TORCH, False): None,
+        (Form.TORCHSCRIPT, False): None,
+        (Form.ONNX, True): _RESIZES,
+        (Form.TORCH, True): _RESIZES,
+    },
+    "foundation-stereo vitb": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
+    "foundation-stereo vitl": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
+    "nmrf-res": {(Form.ONNX, False): None, (Form.TORCH, False): None, (Form.TORCHSCRIPT, False): None},
+    "nmrf-swint": {(Form.ONNX, False): None, (Form.TORCH, False): None, (Form.TORCHSCRIPT, False): None},
 }
+
+
+def called(form: Form, *, dynamic: bool) -> str:
+    """A request as the command line says it."""
+    return f"{form.value}{' with --dynamic' if dynamic else ''}"
 
 
 def kind_of(loaded: LoadedNetwork) -> str:
@@ -46,4 +61,4 @@ def untried(kind: str, form: Form, *, dynamic: bool) -> str | None:
     """
     if form is Form.PTH or kind not in SEEN or (form, dynamic) in SEEN[kind]:
         return None
-    return f"export to {form.value}{' with --dynamic' if dynamic else ''}"
+    return f"export to {called(form, dynamic=dynamic)}"

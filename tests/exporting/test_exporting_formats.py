@@ -260,7 +260,11 @@ def test_what_was_never_run_and_what_cannot_be_is_said_before_it_starts(
         if reason is None
         else contextlib.nullcontext()
     )
-    sentence = "it has started" if reason is None else "nmrf-res does not export so: its windows"
+    sentence = (
+        "it has started"
+        if reason is None
+        else "nmrf-res does not export to torch with --dynamic: its windows"
+    )
     with said, pytest.raises(SfkitError, match=sentence):
         export_network(
             tmp_path / "net.pth",

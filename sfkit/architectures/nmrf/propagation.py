@@ -144,6 +144,6 @@ def cost_patches(cost: torch.Tensor, seeds: torch.Tensor) -> torch.Tensor:
 
 def _other_pixels_or_self(length: int, candidates: int, device: torch.device) -> torch.Tensor:
     """Whom a candidate listens to along a stripe: everyone but its own pixel's rivals, (T, T) bool."""
-    pixel = torch.arange(length, device=device).repeat_interleave(candidates)
-    same_pixel = pixel[:, None] == pixel[None, :]
-    return ~same_pixel | torch.eye(len(pixel), dtype=torch.bool, device=device)
+    place = torch.arange(length * candidates, device=device)  # no len(): exporters would keep it as a number
+    pixel = place // candidates
+    return (pixel[:, None] != pixel[None, :]) | (place[:, None] == place[None, :])
