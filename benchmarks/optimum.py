@@ -108,8 +108,13 @@ def landscape(pairs: int) -> Landscape:
 
 
 def alone(name: str, search: Search, pairs: int, seeds: Sequence[int], _: Path) -> pd.DataFrame:
+    """The rows of one search on the first bank's scores."""
+    return measured(landscape(pairs), name, pairs, search, seeds)
+
+
+def measured(land: Landscape, name: str, pairs: int, search: Search, seeds: Sequence[int]) -> pd.DataFrame:
     """A row a seed: distinct evaluations until the optimum, infinite without; CPU seconds an evaluation."""
-    land, rows = landscape(pairs), []
+    rows = []
     for seed in seeds:
         began = time.process_time()
         curve = land.regrets(search(land, seed))
@@ -171,8 +176,11 @@ def section() -> str:
 def searches_table(pairs: int) -> str:
     """A row a search; nothing where none is finished."""
     frame = kept.results(f"search-{pairs:02d}-")
-    if frame.empty:
-        return ""
+    return "" if frame.empty else compared(frame)
+
+
+def compared(frame: pd.DataFrame) -> str:
+    """A row a search, from rows of one seed each."""
     rows = [
         (name, len(part), *share_within(part["needed"]), f"{1000 * part['seconds'].mean():.1f}")
         for name, part in sorted(frame.groupby("search"), key=lambda item: item[1]["needed"].median())
