@@ -25,12 +25,13 @@ def exhaustive() -> Iterator[ModuleType]:
         yield module
 
 
-def test_every_subset_of_the_shipped_bank_has_its_scores(exhaustive: ModuleType) -> None:
-    table = exhaustive.subset_scores()
-    assert table.names == open_pool(bank.pool_path()).names
+@pytest.mark.parametrize("name", ["bank", "bank-sharp"])
+def test_every_subset_of_a_shipped_bank_has_its_scores(exhaustive: ModuleType, name: str) -> None:
+    table = exhaustive.subset_scores(exhaustive.table_path(name))
+    assert table.names == open_pool(bank.pool_path(name)).names
     assert set(table.scores) == set(table.quick) == set(range(1, 2**11))
     assert all(0 < score < 100 for score in (*table.scores.values(), *table.quick.values()))
-    assert exhaustive.table_path().stat().st_size < 200_000
+    assert exhaustive.table_path(name).stat().st_size < 200_000
 
 
 def test_a_mask_names_a_subset(exhaustive: ModuleType) -> None:
@@ -60,6 +61,13 @@ def test_rows_are_what_the_evaluator_says(exhaustive: ModuleType, tmp_path: Path
     again = exhaustive.subset_scores(tmp_path / "table.csv")
     assert again.scores == pytest.approx(found.scores, abs=1e-4)
     assert again.quick == pytest.approx(found.quick, abs=1e-4)
+
+
+def test_a_row_of_the_sharp_bank_is_its_own(exhaustive: ModuleType) -> None:
+    table, mask = exhaustive.subset_scores(exhaustive.table_path("bank-sharp")), 0b10000100000
+    found = exhaustive.score_subsets(open_pool("bank-sharp"), [mask])
+    assert found.scores[mask] == pytest.approx(table.scores[mask], abs=0.02)
+    assert found.quick[mask] == pytest.approx(table.quick[mask], abs=0.02)
 
 
 def test_another_file_is_refused(exhaustive: ModuleType, tmp_path: Path) -> None:
