@@ -30,11 +30,7 @@ from sfkit.analysis.interpolation import InterpolationCurve, interpolated, inter
 from sfkit.analysis.linear_path import LinearPaths, linear_paths
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
 from sfkit.analysis.networks import measure_networks
-from sfkit.analysis.overfit import (
-    HoldoutCheck,
-    holdout_check,
-    holdout_sentence,
-)
+from sfkit.analysis.overfit import HoldoutCheck, holdout_check, holdout_sentence
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.predictions import (
     PredictionCalibration,
@@ -49,12 +45,7 @@ from sfkit.analysis.qualitative import qualitative_grid
 from sfkit.analysis.ranking import Ranking, drawn_networks, rank_networks, ranking_table
 from sfkit.analysis.references import reference_columns, reference_rows, with_references
 from sfkit.analysis.regions import RegionScores, region_scores, textureless_mask
-from sfkit.analysis.retraining import (
-    Retraining,
-    open_joint,
-    retraining_against_merging,
-    study_against_joint,
-)
+from sfkit.analysis.retraining import Retraining, open_joint, retraining_against_merging, study_against_joint
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.analysis.scores import ScoreGrid, contenders, score_grid
 from sfkit.analysis.search_verdict import SearchVerdict, judges, search_verdict

@@ -10,14 +10,7 @@ import pandas as pd
 
 from sfkit.analysis.intervals import LEVEL
 from sfkit.analysis.measured import Measured
-from sfkit.analysis.paired import (
-    Difference,
-    Spread,
-    common_unit,
-    corrected,
-    paired_difference,
-    seed_spread,
-)
+from sfkit.analysis.paired import Difference, Spread, common_unit, corrected, paired_difference, seed_spread
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.separation import column_name

@@ -9,14 +9,7 @@ from pathlib import Path
 from sfkit.analysis.previews import PairLook, PairPreview, held_score
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.editing import (
-    GAMMA,
-    EditHistory,
-    RoutingDraft,
-    SeenByHand,
-    mark_hand_edit,
-    seen_by_hand,
-)
+from sfkit.editing import GAMMA, EditHistory, RoutingDraft, SeenByHand, mark_hand_edit, seen_by_hand
 from sfkit.errors import InputError, unknown_name
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.separation import pairs_in_common

@@ -9,14 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli.groups import names
-from sfkit.cli.options import (
-    ForceOption,
-    JsonOption,
-    PoolArgument,
-    StoreOption,
-    emit,
-    pool_of,
-)
+from sfkit.cli.options import ForceOption, JsonOption, PoolArgument, StoreOption, emit, pool_of
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
 from sfkit.cli.terminal import Bars

@@ -13,13 +13,7 @@ from typing import Any
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.census import CENSUS
 from sfkit.datasets.folders import find_in_folders, nothing_recognised
-from sfkit.datasets.listing import (
-    PairListing,
-    find_pairs,
-    nothing_found,
-    open_root,
-    warn_of_incomplete,
-)
+from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root, warn_of_incomplete
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample

@@ -11,13 +11,7 @@ from typing import Any
 import torch
 
 from sfkit.architectures import Architecture
-from sfkit.checkpoints.checks import (
-    Kind,
-    TensorSpec,
-    check_keys,
-    check_types,
-    check_values,
-)
+from sfkit.checkpoints.checks import Kind, TensorSpec, check_keys, check_types, check_values
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.kinship import Kinship, KinshipSums
 from sfkit.checkpoints.layouts import Layout, Wrapping
