@@ -62,7 +62,7 @@ class BlockOutputs:
     def __init__(self, modules: Mapping[str, nn.Module], size: tuple[int, int] | None = None) -> None:
         self._modules = dict(modules)
         self._size = size
-        self._heard: dict[tuple[str, int, int], list[tuple[Values, Values]]] = {}
+        self._seen: dict[tuple[str, int, int], list[tuple[Values, Values]]] = {}
         self._handles: list[torch.utils.hooks.RemovableHandle] = []
 
     def __enter__(self) -> BlockOutputs:
@@ -81,12 +81,13 @@ class BlockOutputs:
         Raises:
             InputError: no module put out a tensor.
         """
-        if not self._heard:
+        if not self._seen:
             raise InputError(
                 f"features: found no output of {', '.join(self._modules)}, expected modules that the network "
                 "calls: choose another block"
             )
-        calls = [np.mean(self._heard[key], axis=0) for key in sorted(self._heard)]
+        # In one order, whichever module ran first.
+        calls = [np.mean(self._seen[key], axis=0) for key in sorted(self._seen)]
         mean, square = np.concatenate(calls, axis=1)
         return mean, square
 
@@ -97,7 +98,7 @@ class BlockOutputs:
                 channels = last.shape[-1]
                 rows = last.reshape(-1, channels).double().cpu().numpy()
                 moments = rows.mean(axis=0), np.square(rows).mean(axis=0)
-                self._heard.setdefault((name, number, channels), []).append(moments)
+                self._seen.setdefault((name, number, channels), []).append(moments)
 
         return listen
 

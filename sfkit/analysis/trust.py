@@ -164,11 +164,13 @@ def stability(scores: Table, *, seed: int = 0, splits: int = 50) -> float:
         order = rng.permutation(pairs)
         first, second = order[: pairs // 2], order[pairs // 2 :]
         found.append(rank_correlation(scores[:, first].mean(axis=1), scores[:, second].mean(axis=1)))
+    # Halves under which all networks score alike tell nothing.
     return float(np.nanmean(found)) if not np.isnan(found).all() else float("nan")
 
 
 def is_collapsed(disparity: NDArray[np.floating[Any]]) -> bool:
     """True where a map (H, W) in pixels is nearly constant or nearly zero."""
+    # Not the extremes: a few wild pixels would hide that a map is flat.
     low, high = np.percentile(disparity, (5, 95))
     return bool(high - low < FLAT or high < FLAT)
 
@@ -213,6 +215,7 @@ def trust(
     sound = [n for n in range(len(recipes)) if not any(row[n].failure for row in evaluations)]
     if not sound:
         raise InputError("trust: every network failed, expected one that was scored")
+    # Pairs of all guides in one row: they are looked at as one set.
     table = np.array([[i.value(CENSUS) for row in evaluations for i in row[n].images] for n in sound])
     agreed = None
     if labelled is not None:

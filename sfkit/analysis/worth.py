@@ -56,6 +56,7 @@ def compare_methods(
     found: list[Measured] = []
     for evaluator in evaluators:
         parts = [
+            # One by one: prepared task vectors have a pool of their own.
             measure_with([evaluator.with_pool(one.pool)], {name: one.recipe}, validation=validation)[0]
             for name, one in networks.items()
         ]
@@ -118,5 +119,6 @@ def worth(run: BaselineRun, comparison: NetworkComparison) -> tuple[str, ...]:
 
 
 def _ordinal(number: int) -> str:
+    # 11th, 12th and 13th are the exceptions.
     ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10 if number % 100 not in (11, 12, 13) else 0, "th")
     return f"{number}{ending}"

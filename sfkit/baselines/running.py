@@ -82,6 +82,7 @@ def run_baselines(
                 raise
             skipped[entry.name] = str(error)
     progress("", len(chosen), len(chosen))
+    # In the order that was asked for, not that of running.
     ordered = {entry.name: results[entry.name] for entry in chosen if entry.name in results}
     return BaselineRun(ordered, skipped)
 

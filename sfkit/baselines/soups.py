@@ -26,6 +26,7 @@ def _greedy(trials: Trials, *, strict: bool) -> Choice:
         [trials.pool.equal(name) for name in names],
         [{"step": "alone", "subset": (name,), "kept": False} for name in names],
     )
+    # Of equals the pool's order decides, so that two runs agree.
     ranked = sorted(range(len(names)), key=lambda n: (alone[n], n))
     soup: tuple[str, ...] = (names[ranked[0]],)
     score = alone[ranked[0]]

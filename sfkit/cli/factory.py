@@ -73,6 +73,7 @@ def run(
     if report is not None:
         report_values(factory)  # refused now rather than after the trainings
         places.file("--report", report, ".html", force=True)
+        # The notebook that was run stays beside its page.
         places.claim("--report", report.with_suffix(".ipynb"))
     ensure_own(factory)
     training = devices or (compute.device,)

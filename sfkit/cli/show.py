@@ -26,6 +26,7 @@ def show(
       sfkit show merged.safetensors
       sfkit show checkpoints/
     """
+    # The folder of a search is shown as "runs show" does.
     if (file / "journal.jsonl").is_file():
         from sfkit.cli import runs
 

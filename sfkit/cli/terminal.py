@@ -104,6 +104,7 @@ class Bars:
             return
         with _turn:
             if not self._side_by_side:
+                # One step after the other: that before is done.
                 self._close(*(other for other in _shown if other != step))
             self._done[step] = done
             bar = _shown[step] if step in _shown else self._bar(step, total)  # a bar may have no truth value

@@ -28,11 +28,13 @@ class Watch(Bars):
     def __enter__(self) -> Watch:
         if self._drawn:
             listen(self, self._evaluators)
+            # A bar from the start: the first generation may take minutes.
             first = next(iter(self._most))
             super().__call__(first, 0, self._most[first])
         return self
 
     def __exit__(self, *error: object) -> None:
+        # They outlive these bars, which must not be moved any more.
         for evaluator in self._evaluators:
             evaluator.listen = None
         super().__exit__(*error)

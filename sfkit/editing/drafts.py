@@ -185,6 +185,7 @@ class RoutingDraft:
             return replace(self, tied=tied, locked=frozenset())
         columns = zip(*self.recipe.weights, strict=True)
         row = tuple(math.fsum(column) / len(self.blocks) for column in columns)
+        # What was taken out comes back with the mean of its rows.
         gone = {name: (math.fsum(rows) / len(rows),) * len(rows) for name, rows in self.gone.items()}
         recipe = replace(self.recipe, weights=(row,) * len(self.blocks))
         return replace(self, tied=True, locked=frozenset(), gone=gone, recipe=recipe)
@@ -220,6 +221,7 @@ class RoutingDraft:
         moved = list(row)
         moved[column] = weight
         for e in free:
+            # In proportion to what they have; alike where none has anything.
             moved[e] = rest * row[e] / held if held > 0.0 else rest / len(free)
         return tuple(moved)
 

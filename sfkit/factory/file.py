@@ -168,6 +168,7 @@ def read_factory(path: str | Path) -> Factory:
     )
     guides, tested = (_several(values.get(key, [])) for key in ("validation", "tests"))
     given = tuple(_given(path, entry) for entry in (*guides, *tested))
+    # All of them now: what is wrong with the last is not to be met after the trainings.
     benchmarks = tuple(open_benchmarks(given))
     for benchmark in benchmarks:
         benchmark.ensure_scorable()

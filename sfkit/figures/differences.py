@@ -47,6 +47,7 @@ def advantage_figure(
         cols=2,
         horizontal_spacing=0.02,
         subplot_titles=titles,
+        # All: a zoom into one panel is one into every panel.
         shared_xaxes="all",
         shared_yaxes="all",
     )

@@ -54,6 +54,7 @@ def disparity_figure(
         horizontal_spacing=0.02,
         vertical_spacing=34 / height,
         subplot_titles=["left image", second, *_titles(panels)],
+        # All: a zoom into one panel is one into every panel.
         shared_xaxes="all",
         shared_yaxes="all",
     )

@@ -146,6 +146,7 @@ def _scores(figure: go.Figure, history: PopulationHistory, shown: Sequence[Indiv
     """Scores as dots; failed individuals as crosses beyond the worst score."""
     scored = [(rank, one) for rank, one in enumerate(shown, start=1) if not one.failed]
     failed = [(rank, one) for rank, one in enumerate(shown, start=1) if one.failed]
+    # Past the medians, too, which share the axis.
     edge = beyond([*(one.score for _, one in scored), *history.median])
     for name, group, marker in (
         ("individual", scored, {"symbol": "circle", "size": 7, "color": ACCENT}),

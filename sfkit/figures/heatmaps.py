@@ -49,6 +49,7 @@ def matrix(
     """
     finite = np.abs(values[np.isfinite(values)])
     end = float(finite.max()) if finite.size and finite.max() > 0 else 1.0
+    # Symmetric, so that 0 has the middle colour.
     low, high = limits or (-end, end)
     noted = np.full(values.shape, "") if notes is None else notes
     text = [

@@ -84,6 +84,7 @@ def _apart(
         place = {"row": number // across + 1, "col": number % across + 1}
         for other in curves:
             if other is not curve:
+                # Behind it, so that each is read against all others on one scale.
                 line = {"color": faint, "width": 1}
                 hidden = {"mode": "lines", "hoverinfo": "skip", "showlegend": False}
                 figure.add_scatter(

@@ -46,6 +46,7 @@ def predictions_figure(told: Predictions, *, theme: str = "auto", height: int = 
     _measured(figure, told, drawn.tolist())
     bound = told.bound[drawn].tolist()
     _line(figure, 2, numbers, bound, "bound it was chosen by", {"color": ACCENT, "width": 2})
+    # None breaks the line: before the first score there is no best.
     best = [value if math.isfinite(value) else None for value in told.best[drawn].tolist()]
     line = {"color": WARM, "width": 2, "dash": "dash", "shape": "hv"}
     _line(figure, 2, numbers, best, "best before", line)

@@ -44,6 +44,7 @@ def qualitative_figure(
         rows=len(rows),
         cols=1 + len(names),
         horizontal_spacing=0.008,
+        # 28 px a row for its titles, as a share of the height.
         vertical_spacing=28 / (len(rows) * (ROW + 28)),
         subplot_titles=[title for row in rows for title in ("image", *_titles(row))],
     )

@@ -94,6 +94,7 @@ def scales_figure(trace: RoutingTrace, *, theme: str = "auto", height: int | Non
             row=b + 1,
             col=1,
         )
+        # A full line at 1, where a block takes the merged task vector as it is.
         for value, dash, width in ((low, "dash", 1), (1.0, "solid", 1.5), (high, "dash", 1)):
             line = {"color": look.muted, "dash": dash, "width": width}
             figure.add_hline(y=value, line=line, layer="below", row=b + 1, col=1)

@@ -127,6 +127,7 @@ def _importance(importance: Mapping[str, float]) -> str:
     step, parts = (HEIGHT - 8) / len(ordered), []
     for number, (source, rise) in enumerate(ordered):
         y = 4 + step * number
+        # A source of every subset, whose rise is infinite, is as long as the longest.
         width = 190 * min(rise / top, 1.0)
         text = "in every subset that was scored" if math.isinf(rise) else f"{rise:.3g}"
         parts.append(
@@ -143,6 +144,7 @@ def _parallel(routes: Sequence[RoutedCandidate]) -> str:
     xs = [24 + (WIDTH - 48) * number / max(len(names) - 1, 1) for number in range(len(names))]
     lines = []
     for number in axes.lines:  # the best are drawn last, on top
+        # A single value has no range; its line is flat.
         points = " ".join(
             f"{x:.1f},{_y(value, low, (high - low) or 1.0):.1f}"
             for x, value, low, high in zip(xs, axes.values[number], lows, highs, strict=True)

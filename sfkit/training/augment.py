@@ -16,6 +16,7 @@ from sfkit.training.settings import Augmentation
 Image = NDArray[np.uint8]
 BOX = (50, 100)  # px, smallest and largest side of an erased box
 BOXES = 2
+# Red, green and blue in the luma of ITU-R BT.601.
 LUMA = np.array([0.299, 0.587, 0.114], dtype=np.float32)
 
 
@@ -70,6 +71,7 @@ def _colours(how: Augmentation, rng: Generator) -> tuple[NDArray[np.float64], ND
 
 
 def _recolour(image: Image, amounts: NDArray[np.float64], order: NDArray[np.intp]) -> Image:
+    # Left as it is: not even rounding touches it.
     if np.array_equal(amounts, (1.0, 1.0, 1.0, 0.0)):
         return image
     pixels = image.astype(np.float32)
@@ -78,8 +80,10 @@ def _recolour(image: Image, amounts: NDArray[np.float64], order: NDArray[np.intp
         if kind == 0:
             pixels = pixels * amount
         elif kind == 1:
+            # Contrast, about the mean grey.
             pixels = _towards((pixels @ LUMA).mean(), pixels, amount)
         elif kind == 2:
+            # Saturation, about each pixel's own grey.
             pixels = _towards((pixels @ LUMA)[..., None], pixels, amount)
         else:
             pixels = _turn(pixels, float(amount))

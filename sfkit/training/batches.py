@@ -67,6 +67,7 @@ class Batches:
             ahead: list[Future[Read]] = []
             try:
                 for number in range(start, stop):
+                    # One more than there are workers: none waits while the network computes.
                     while len(ahead) <= workers and number + len(ahead) < stop:
                         ahead.append(pool.submit(self.step, number + len(ahead)))
                     yield ahead.pop(0).result()
@@ -79,6 +80,7 @@ class Batches:
         """The share of step ``number`` that falls to this process."""
         first = number * self.settings.batch
         broken: dict[str, str] = {}
+        # Every world-th pair: however many processes there are, together they see the same.
         positions = range(first + self.rank, first + self.settings.batch, self.world)
         return Read([self._example(position, broken) for position in positions], broken)
 

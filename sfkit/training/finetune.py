@@ -146,6 +146,7 @@ def finetune(
         pairs=data.pairs,
         settings=settings,
         folder=folder,
+        # All that decides the result: a state of anything else is refused.
         identity=hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest(),
         device=torch.device(device),
     )
@@ -153,6 +154,7 @@ def finetune(
     course = train(task, _recording(folder, listen), score)
     result = _result(out, course, settings)
     if not dist.is_initialized() or dist.get_rank() == 0:
+        # The checkpoint comes last: where it is, curve and record are, too.
         _finish(folder, course, made, result)
         metadata = {KEY: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True)}
         write_checkpoint(
@@ -255,6 +257,7 @@ def _recording(folder: Path, listen: Listener | None) -> Listener:
 
     def record(course: Course) -> None:
         nonlocal written
+        # Not at every step: the file is written whole each time.
         if course.done - written >= 50 or course.done == course.steps:
             written = course.done
             write_curve(folder, course)

@@ -114,6 +114,7 @@ class _Run:
         self.optimiser = torch.optim.AdamW(task.groups)
         self.peaks = [group["lr"] for group in task.groups]
         self.course = Course(settings.steps(len(task.pairs)))
+        # Before DDP wraps the network and sends its weights to all processes.
         self._resume()
         terms = _Terms(self.network, task.objective)
         self.terms: nn.Module = DistributedDataParallel(terms) if self.world > 1 else terms
@@ -160,6 +161,7 @@ class _Run:
         if self.world > 1:
             dist.all_reduce(total)
         loss = float(total)
+        # Without a limit nothing is clipped, and the norm is told all the same.
         norm = nn.utils.clip_grad_norm_(self._parameters(), settings.clip or math.inf)
         if not (math.isfinite(loss) and bool(torch.isfinite(norm))):
             raise SfkitError(
@@ -174,6 +176,7 @@ class _Run:
         low = self.task.settings.precision is Precision.BFLOAT16
         with torch.autocast(self.task.device.type, torch.bfloat16, enabled=low):
             sums = self.terms(part.left, part.right, part.truth)
+        # At least 1: a term without a pixel adds 0, not NaN.
         loss = (sums / counts.clamp(min=1).to(sums.dtype)).sum()
         (loss * self.world).backward()
         return cast(torch.Tensor, loss.detach()).double()
@@ -247,6 +250,7 @@ def one_cycle(step: int, steps: int, peak: float, warm_up: float) -> float:
     with a peak for each parameter group: given one number, ``OneCycleLR`` raises every group to it. It is a
     function of the step: nothing is carried along.
     """
+    # As OneCycleLR counts: the first phase ends at step warm_up * steps - 1.
     top, last = warm_up * steps - 1, steps - 1
     if step <= top:
         return _between(peak * START, peak, step / top if top > 0 else 1.0)
@@ -254,4 +258,5 @@ def one_cycle(step: int, steps: int, peak: float, warm_up: float) -> float:
 
 
 def _between(start: float, end: float, share: float) -> float:
+    # Half a cosine wave, from start to end.
     return end + (start - end) * (1 + math.cos(math.pi * min(share, 1.0))) / 2

@@ -39,6 +39,7 @@ class Objective(Protocol):
 def _smooth(disparity: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Sum over known pixels of smooth L1 (beta 1) between two maps (B, H, W)."""
     known = torch.isfinite(truth)
+    # 0 for what is not known: NaN times 0 is NaN, in the gradient as well.
     distance = F.smooth_l1_loss(disparity.float(), torch.where(known, truth, 0.0), reduction="none")
     return (distance * known).sum()
 
@@ -118,6 +119,7 @@ class NmrfObjective:
             weights.proposal * found.proposal,
             torch.stack([weight * loss for weight, loss in layers]).sum(),
         ]
+        # Means become sums again, which the loop divides by what the whole step counts.
         return torch.stack(means) * self.counts(truth).to(found.init.dtype)
 
 
@@ -141,18 +143,12 @@ class FoundationStereoObjective:
         trace = cast(FoundationStereo, network).trace(left, right)
         count = len(trace.disparities)
         refined = [
-            GAMMA ** (count - number) * _distance(map_, truth)
+            GAMMA ** (count - number) * _smooth(map_, truth)
             for number, map_ in enumerate(trace.disparities, start=1)
         ]
-        return torch.stack([_distance(trace.initial[:, 0], _quarter(truth)), torch.stack(refined).sum()])
+        return torch.stack([_smooth(trace.initial[:, 0], _quarter(truth)), torch.stack(refined).sum()])
 
 
 def _quarter(truth: torch.Tensor) -> torch.Tensor:
     """(B, H, W) px -> (B, H/4, W/4) in pixels of the quarter; nothing is averaged across edges or unknown."""
     return truth[..., ::QUARTER, ::QUARTER] / QUARTER
-
-
-def _distance(disparity: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
-    known = torch.isfinite(truth)
-    away = F.smooth_l1_loss(disparity.float(), torch.where(known, truth, 0.0), reduction="none")
-    return (away * known).sum()
