@@ -2,11 +2,29 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 
-from sfkit.analysis import markdown_table
+from sfkit.analysis.tables import markdown_lines
 
 
 def markdown(table: pd.DataFrame, digits: int = 2) -> str:
     """A table as Markdown, nothing marked; a number that is missing is a dash."""
-    return markdown_table(table, columns=(), digits=digits).strip()
+    head = [*(str(name or "") for name in table.index.names), *map(_heading, table.columns)]
+    names = [map(str, key) if isinstance(key, tuple) else [str(key)] for key in table.index]
+    # Column by column: a whole number stays one beside columns of fractions.
+    cells = zip(*([_cell(v, digits) for v in table.iloc[:, n]] for n in range(table.shape[1])), strict=True)
+    plain = pd.api.types
+    numbers = [plain.is_numeric_dtype(k) and not plain.is_bool_dtype(k) for k in table.dtypes]
+    rows = [[*name, *row] for name, row in zip(names, cells, strict=True)]
+    return markdown_lines(head, rows, [False] * table.index.nlevels + numbers)
+
+
+def _heading(column: object) -> str:
+    return " ".join(map(str, column)) if isinstance(column, tuple) else str(column)
+
+
+def _cell(value: object, digits: int) -> str:
+    if value is None or value is pd.NA or value != value:  # the NA of whole numbers; NaN
+        return "–"
+    return f"{value:.{digits}f}" if isinstance(value, float | np.floating) else str(value)

@@ -57,7 +57,6 @@ from sfkit.analysis.summary import summary
 from sfkit.analysis.tables import (
     export_table,
     latex_table,
-    markdown_table,
     ranks,
     recipe_table,
     shown,
@@ -137,7 +136,6 @@ __all__ = [
     "judges",
     "latex_table",
     "linear_paths",
-    "markdown_table",
     "measure_networks",
     "measure_recipes",
     "measure_with",

@@ -1,11 +1,10 @@
-"""Tables with their best marked: in notebooks, as LaTeX (booktabs), Markdown, and files of both kinds."""
+"""Tables with their best marked: in notebooks, as LaTeX (booktabs), and as files."""
 
 from __future__ import annotations
 
 import html
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
     from pandas.io.formats.style import Styler
 
 BEST, SECOND = "best", "second"
+_MARKS = {BEST: r"\textbf{%s}", SECOND: r"\underline{%s}", "": "%s"}
 # In one pass: one after the other, the first one's backslashes would be escaped again.
 _SPECIAL = str.maketrans(
     {
@@ -149,7 +149,7 @@ def latex_table(
 
 def _latex(table: pd.DataFrame, marks: pd.DataFrame, digits: int, caption: str, label: str) -> str:
     names = [[_escaped(text) for text in row] for row in _names(table)]
-    body = _cells(table, marks, digits, _LATEX)
+    body = _cells(table, marks, digits)
     head = [*names[0], *(_escaped(_heading(column)) for column in table.columns)]
     lines = [[*name, *cells] for name, cells in zip(names[1:], body, strict=True)]
     kinds = "l" * len(names[0]) + "".join("r" if _numeric(table[c]) else "l" for c in table.columns)
@@ -169,18 +169,6 @@ def _latex(table: pd.DataFrame, marks: pd.DataFrame, digits: int, caption: str, 
     above = [r"\begin{table}", r"\centering", rf"\caption{{{_escaped(caption)}}}"]
     above += [rf"\label{{{label}}}"] if label else []
     return "\n".join([*above, text, r"\end{table}"]) + "\n"
-
-
-def markdown_table(
-    table: pd.DataFrame, *, along: str = "row", columns: Sequence[str] | None = None, digits: int = 2
-) -> str:
-    """The table as Markdown, best bold and second best in italics."""
-    names = _names(table)
-    body = _cells(table, ranks(table, along=along, columns=columns), digits, _MARKDOWN)
-    head = [*names[0], *map(_heading, table.columns)]
-    right = [False] * len(names[0]) + [_numeric(table[c]) for c in table.columns]
-    rows = [[*name, *cells] for name, cells in zip(names[1:], body, strict=True)]
-    return markdown_lines(head, rows, right) + "\n"
 
 
 def markdown_lines(
@@ -246,36 +234,23 @@ def _escaped(text: object) -> str:
     return str(text).translate(_SPECIAL)
 
 
-@dataclass(frozen=True)
-class _Form:
-    """How cells are written: by mark, text, what is missing, and between thousands."""
-
-    marks: dict[str, str]
-    text: Callable[[str], str]
-    missing: str
-    thousands: str
-
-    def cell(self, value: object, mark: str, digits: int) -> str:
-        if value is None or value is pd.NA or value != value:  # the NA of whole numbers; NaN
-            said = self.missing
-        elif isinstance(value, float | np.floating):
-            said = f"{value:.{digits}f}"
-        elif isinstance(value, int | np.integer) and not isinstance(value, bool):
-            said = f"{value:,}".replace(",", self.thousands)
-        else:
-            said = self.text(str(value))
-        return self.marks[mark] % said
-
-
-_LATEX = _Form({BEST: r"\textbf{%s}", SECOND: r"\underline{%s}", "": "%s"}, _escaped, "--", r"\,")
-_MARKDOWN = _Form({BEST: "**%s**", SECOND: "_%s_", "": "%s"}, str, "–", "")
-
-
-def _cells(table: pd.DataFrame, marks: pd.DataFrame, digits: int, form: _Form) -> list[list[str]]:
+def _cells(table: pd.DataFrame, marks: pd.DataFrame, digits: int) -> list[list[str]]:
     # Column by column: a whole number stays one beside columns of fractions.
     columns = [list(table.iloc[:, place]) for place in range(table.shape[1])]
     rows = zip(zip(*columns, strict=True), marks.to_numpy(), strict=True)
-    return [[form.cell(value, mark, digits) for value, mark in zip(*row, strict=True)] for row in rows]
+    return [[_cell(value, mark, digits) for value, mark in zip(*row, strict=True)] for row in rows]
+
+
+def _cell(value: object, mark: str, digits: int) -> str:
+    if value is None or value is pd.NA or value != value:  # the NA of whole numbers; NaN
+        said = "--"
+    elif isinstance(value, float | np.floating):
+        said = f"{value:.{digits}f}"
+    elif isinstance(value, int | np.integer) and not isinstance(value, bool):
+        said = f"{value:,}".replace(",", r"\,")
+    else:
+        said = _escaped(value)
+    return _MARKS[mark] % said
 
 
 def _numeric(column: pd.Series) -> bool:

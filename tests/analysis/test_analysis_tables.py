@@ -13,7 +13,6 @@ from sfkit import bank
 from sfkit.analysis import (
     MethodCost,
     latex_table,
-    markdown_table,
     overhead_table,
     ranks,
     shown,
@@ -76,13 +75,6 @@ def test_latex_is_what_pandas_writes_but_for_the_marks() -> None:
     assert r"\caption{50 \% \& more}" in floating
     assert r"\label{tab:x}" in floating
     assert floating.startswith("\\begin{table}")
-
-
-def test_markdown_has_the_same_cells() -> None:
-    text = markdown_table(table()).splitlines()
-    assert text[0] == "| bench | a_b | c | d | note |"
-    assert text[2] == "| one | **1.00** | **1.00** | _3.00_ | 10 % |"
-    assert text[3] == "| two | – | _5.00_ | **4.00** | x |"
 
 
 def test_a_method_is_set_beside_the_sources_trainings() -> None:

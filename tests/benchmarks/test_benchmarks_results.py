@@ -13,6 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import pandas as pd
 import pytest
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -85,6 +86,20 @@ def test_pool_rows_become_a_table(results: ModuleType) -> None:
     ]
     assert bigpool.table({"rows": rows}).splitlines()[-1] == (
         "| 3 | merge | equal 0.123, routed 0.500 | 1,234 | 56 |"
+    )
+
+
+def test_a_table_in_a_document_has_whole_numbers_decimals_and_dashes(results: ModuleType) -> None:
+    frame = pd.DataFrame({"a": [1.0, None], "n": [1200, 3], "t": ["x", "y"]}, index=pd.Index(["one", "two"]))
+    markdown = importlib.import_module("full_report").markdown
+    assert markdown(frame.rename_axis("bench")).splitlines() == [
+        "| bench | a | n | t |",
+        "| --- | --: | --: | --- |",
+        "| one | 1.00 | 1200 | x |",
+        "| two | – | 3 | y |",
+    ]
+    assert markdown(frame.assign(b=True).set_index(["t", "b"]), digits=1).splitlines()[2] == (
+        "| x | True | 1.0 | 1200 |"
     )
 
 
