@@ -214,6 +214,7 @@ def subset_transfer(first: Experiment, second: Experiment) -> pd.DataFrame:
         raise InputError(
             f"subset transfer: found two pools called {first.pool.name!r}, expected a name for each"
         )
+    # Each pool's own search once; both directions take from it.
     own = {experiment: experiment.answer() for experiment in (first, second)}
     frames, found = [], []
     for here, other in ((first, second), (second, first)):
@@ -248,6 +249,7 @@ def _table(
 ) -> pd.DataFrame:
     scores = scored(experiment, {name: answer.recipe for name, answer in answers.items()}, guide=guide)
     subsets = [answer.subset for answer in answers.values()]
+    # Overlaps are with the first row's subset.
     compared = first or subsets[0]
     scores.insert(0, "subset", [", ".join(subset) for subset in subsets])
     return scores.assign(overlap=[overlap(compared, subset) for subset in subsets])

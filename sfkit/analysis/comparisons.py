@@ -181,6 +181,7 @@ class NetworkComparison:
             record |= {c.label: value for c, value in zip(self.columns, row.scores, strict=True)}
             record[f"mean of unseen [{unit}]"] = row.unseen
             record[f"gap to validation [{unit}]"] = row.gap
+            # The reference has no difference, and few images give no interval.
             low, high = (row.difference and row.difference.interval) or (math.nan, math.nan)
             record[f"difference to {self.reference} [{unit}]"] = (
                 row.difference.value if row.difference else math.nan
@@ -272,6 +273,7 @@ def _row(
 ) -> ComparedNetwork:
     guides = [one for one in measured if one.validation]
     tests = [one for one in measured if not one.validation]
+    # A single run has no spread.
     spread = seed_spread(tests or guides, runs, metric=metric) if len(runs) > 1 else None
     scores = tuple(mean_of(one.score(run, metric=metric) for run in runs) for one in measured)
     by_name = dict(zip((one.benchmark for one in measured), scores, strict=True))

@@ -51,6 +51,7 @@ def stage_costs(stages: Mapping[str, Counts]) -> tuple[StageCost, ...]:
     return tuple(
         StageCost(
             stage=name,
+            # What was neither asked for before nor in the store ran now.
             computed=counts.distinct - counts.cached,
             cached=counts.cached,
             repeated=counts.repeated,

@@ -147,6 +147,7 @@ def advantage_table(comparison: Comparison, reference: str, network: str) -> pd.
         found = advantage_panels(comparison.panels(pair), reference, network).advantage
         rows[pair] = {"fixed": found.fixed, "broken": found.broken, "change": found.broken - found.fixed}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(index="pair")
+    # Stable: pairs of equal change stay in the benchmark's order.
     return table.sort_values("change", kind="stable")
 
 

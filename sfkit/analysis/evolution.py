@@ -224,6 +224,7 @@ def _members(group: Sequence[Individual], sources: Sequence[str]) -> NDArray[np.
 def _archive(known: Iterable[Individual]) -> tuple[int, ...]:
     first: dict[tuple[str, ...], Individual] = {}
     for one in known:
+        # A subset is the candidate that had it first; later ones were not scored again.
         first.setdefault(one.subset, one)
     subsets = (one for one in first.values() if len(one.subset) >= SMALLEST and math.isfinite(one.score))
     return tuple(one.number for one in sorted(subsets, key=_rank))

@@ -98,6 +98,7 @@ class Experiment:
     _evaluators: dict[tuple[Any, ...], Evaluator] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
+        # A tuple of its own: what a caller does to his list must not change a frozen record.
         object.__setattr__(self, "reported", tuple(self.reported))
         if not self.reported:
             raise InputError(
@@ -108,6 +109,7 @@ class Experiment:
     @property
     def common(self) -> str:
         """What every benchmark is counted by beside its own metric: the tables', or the guide's if it can."""
+        # The guide's where that needs labels, else the first test's that does.
         told = (one.metric for one in (self.validation, *self.reported))
         by_truth = (metric for metric in told if Metric.parse(metric).needs_truth)
         return self.metric or next(by_truth, self.validation.metric)

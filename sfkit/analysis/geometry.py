@@ -155,6 +155,7 @@ def _chunks(pool: Pool, block: int) -> Iterator[tuple[torch.Tensor, torch.Tensor
     for segment in pool.layout.segments:
         if segment.block != block or segment.kind is not Kind.WEIGHT:
             continue
+        # A piece of all vectors at a time: those of large pools lie in mapped files.
         for start in range(segment.start, segment.stop, CHUNK):
             part = slice(start, min(start + CHUNK, segment.stop))
             stacked = torch.stack([pool.vectors[name][part] for name in pool.names])

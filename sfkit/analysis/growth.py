@@ -137,6 +137,7 @@ def _reuse(
     }
     for search in searches.values():
         asked = [c for c in search.candidates if not c.repeated]
+        # The search before owes nothing to itself.
         held = [c for c in asked if search is not before and c.subset in known]
         total = sum(c.outcome.seconds for c in asked)
         best = search.best

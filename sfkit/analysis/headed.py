@@ -181,6 +181,7 @@ def publish_table(
         InputError: as :func:`~sfkit.analysis.tables.export_table` and :func:`shown_table`.
     """
     shown = shown_table(table, columns, along=along, best=best, digits=digits, caption=caption)
+    # The file marks columns alone; marks along rows are the page's.
     lower = [str(c) for c in table.columns if (shown.marks[c] != "").any()] if along == "column" else []
     export_table(table, folder, name, caption=caption, digits=digits, lower_is_better=lower)
     return shown

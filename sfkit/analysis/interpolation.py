@@ -125,6 +125,7 @@ def interpolation_curves(
             f"interpolation: found {len(lines)} lines at {list(positions)}, expected at least one, and "
             "ascending positions with 0 and 1 among them"
         )
+    # Lines that share an end share its recipe, which is scored once.
     recipes = {
         f"{name} {number}": interpolated(start, end, float(position))
         for name, (start, end) in lines.items()

@@ -60,6 +60,7 @@ class PairedEstimate:
     @property
     def p(self) -> float:
         """Two-sided p-value of no difference; the interval of level 1 - p just reaches 0."""
+        # Where all images agree a difference is certain.
         if self.error == 0.0:
             return 1.0 if self.value == 0.0 else 0.0
         return 2.0 * float(stdtr(self.freedom, -abs(self.value) / self.error))

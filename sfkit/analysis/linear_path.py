@@ -148,6 +148,7 @@ def linear_paths(evaluator: Evaluator, *, between: bool = True) -> LinearPaths:
         recipes[(name,)] = pool.equal(name)
         recipes["base", name] = Recipe.weighted({name: 0.5}, pool.blocks)
     pairs: Sequence[tuple[str, str]] = list(combinations(pool.names, 2)) if between else []
+    # The middle of two sources is their equal merge.
     recipes |= {pair: pool.equal(*pair) for pair in pairs}
     outcomes = dict(zip(recipes, evaluator(list(recipes.values())), strict=True))
     lines = [("base", name) for name in pool.names] + list(pairs)

@@ -105,6 +105,7 @@ def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> Holdou
     # Intervals are over images of a mean; the worst of several, or their changes, are none.
     by_mean = several is None or (several.how == "mean" and several.changes is None)
     interval = _interval(evaluators, zero.recipe, leads, held) if by_mean else None
+    # A repeated candidate is no further chance.
     among = sum(not (c.failed or c.repeated) for c in search.candidates)
     return HoldoutCheck(guiding, held, chosen, search.folds, metric, among, pairs, interval)
 

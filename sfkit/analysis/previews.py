@@ -139,6 +139,7 @@ class PairPreview:
 def reduction_for(seconds: float) -> int:
     """By how much to divide height and width of images that take ``seconds``: a power of 2, at most 4."""
     reduction = 1
+    # Time goes with the pixels: half the size takes a quarter of it.
     while seconds / reduction**2 > QUICK_SECONDS and reduction < SMALLEST:
         reduction *= 2
     return reduction

@@ -63,6 +63,7 @@ class BlockProbes:
         """Block -> the source that helps it most beyond the noise of all probes; None where none does."""
         chosen: dict[str, str | None] = {}
         for block, values, noise in zip(self.blocks, self.values, self.noise, strict=True):
+            # "Not below 0" is true of NaN as well.
             able = np.where(noise | ~(values < 0.0), np.inf, values)
             best = int(able.argmin())
             chosen[block] = self.sources[best] if np.isfinite(able[best]) else None

@@ -107,6 +107,7 @@ def region_scores(
     # Its network would lie in memory beside the one that is made below.
     evaluator.release()
     by_region = {region: [_images(e, region) for e in evaluations] for region in REGIONS}
+    # Regions that the data cannot tell apart have no image.
     found = {region: each for region, each in by_region.items() if any(each)}
     if textureless:
         model = evaluator.compute.model(evaluator.pool)

@@ -50,6 +50,7 @@ class SelectionStatistics:
         pairs = [
             float((self.chosen[a] & self.chosen[b]).sum() / (self.chosen[a] | self.chosen[b]).sum())
             for a in range(len(self.runs))
+            # Each pair of runs once.
             for b in range(a)
         ]
         return float(np.mean(pairs)) if pairs else float("nan")

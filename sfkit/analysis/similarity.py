@@ -125,6 +125,7 @@ def frechet(means: Values, variances: Values) -> Values:
 
     The channels' scale is divided out first: sqrt of their variance over all D data sets together.
     """
+    # The variance over all data sets together: that within them and that between them.
     whole = variances.mean(axis=0) + means.var(axis=0)
     scale = np.sqrt(np.where(whole > 0.0, whole, 1.0))
     means, deviations = means / scale, np.sqrt(variances) / scale

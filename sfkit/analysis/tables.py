@@ -152,6 +152,7 @@ def _latex(table: pd.DataFrame, marks: pd.DataFrame, digits: int, caption: str, 
     body = _cells(table, marks, digits)
     head = [*names[0], *(_escaped(_heading(column)) for column in table.columns)]
     lines = [[*name, *cells] for name, cells in zip(names[1:], body, strict=True)]
+    # Names and words to the left, numbers to the right.
     kinds = "l" * len(names[0]) + "".join("r" if _numeric(table[c]) else "l" for c in table.columns)
     text = "\n".join(
         [

@@ -58,6 +58,7 @@ def training_curve(name: str, source: str | Path, *, window: int = WINDOW) -> Tr
     missing = [column for column in (*COLUMNS, "validation") if column not in table]
     if missing:
         raise InputError(f"{path}: the column {missing[0]!r} is missing, expected {', '.join(COLUMNS)}")
+    # The column is empty at the steps that scored nothing.
     scored = table.dropna(subset="validation")
     losses = table["loss"].to_numpy(dtype=np.float64)
     return TrainingCurve(

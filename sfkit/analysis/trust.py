@@ -222,6 +222,7 @@ def trust(
         labelled.evaluate(recipes)
         census, truth = scored_by_both(parts, labelled)
         agreed = agreement(census, truth, f"{labelled.metric} on {labelled.benchmark.name}", seed=seed)
+    # Signs are looked for where a search would end.
     best = recipes[sound[int(table.mean(axis=1).argmin())]]
     seen = [row for part in parts for row in _seen(part.pool, part.prepared, best, part.device)]
     texture, inside, collapsed = np.mean(seen, axis=0).tolist()

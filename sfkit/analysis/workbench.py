@@ -178,6 +178,7 @@ class RoutingWorkbench:
 
         The evaluator's own network is not touched, so that a search may go on with it.
         """
+        # A view with an engine of its own: the network of the evaluator is not touched.
         own = self.evaluator.with_store(self.evaluator.store)
         own.release()
         (evaluation,) = own.evaluate([recipe])

@@ -193,6 +193,7 @@ def baselines() -> tuple[str, ...]:
 
 def arrange(*entries: Baseline[Any]) -> None:
     """Let tables list these methods in this order, before all others."""
+    # In place: whoever holds the registry sees the order as well.
     rest = {name: entry for name, entry in _REGISTRY.items() if entry not in entries}
     _REGISTRY.clear()
     _REGISTRY.update({entry.name: entry for entry in entries} | rest)

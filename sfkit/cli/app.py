@@ -91,6 +91,7 @@ def _refuse(message: str, code: int, usage: object = None) -> int:
     if message.startswith("Usage: "):  # a command that has sub-commands was named alone
         say(message)
         return code
+    # On one line, however the library broke it.
     sentence = " ".join(message.split()).rstrip(".")
     said = getattr(getattr(usage, "param", None), "help", None)
     if sentence.startswith("Missing option") and said:  # what to give, not only that something is wanted

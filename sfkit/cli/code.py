@@ -53,6 +53,7 @@ def running(files: Sequence[Path], *, trusted: bool) -> Iterator[None]:
     What child processes must know is in the environment, and taken back after.
     """
     before = {name: os.environ.get(name) for name in (code.TRUST, code.IMPORT)}
+    # A script has nobody to answer: what is not trusted is refused there.
     code.ask_with(_ask if sys.stdin.isatty() and sys.stderr.isatty() else None)
     try:
         if trusted:

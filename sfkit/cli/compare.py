@@ -95,6 +95,7 @@ def compare(
 
 def _called(first: Path, second: Path) -> tuple[str, str]:
     """What the two are called: by their files, by their folders too where those are named alike."""
+    # By the file: two names may lead to one network.
     if first.exists() and second.exists() and first.samefile(second):
         raise InputError(f"{second}: is {first}, expected two networks to compare")
     return (first.stem, second.stem) if first.stem != second.stem else (str(first), str(second))

@@ -75,6 +75,7 @@ def run(
         places.file("--report", report, ".html", force=True)
         # The notebook that was run stays beside its page.
         places.claim("--report", report.with_suffix(".ipynb"))
+    # Before hours of training.
     ensure_own(factory)
     training = devices or (compute.device,)
     with Bars(side_by_side=len(training) > 1) as bars:

@@ -97,6 +97,7 @@ def command(
         rate=rate,
         seed=seed,
         precision=precision,
+        # None leaves it to the file of settings.
         freeze_batch_norm=False if train_batch_norm else None,
     )
     if crop is not None:

@@ -135,6 +135,7 @@ class Command(PlainHelp, typer.core.TyperCommand):
         def once(args: list[str]) -> Any:
             values, rest, order = parse(args)
             options = [p for p in order if isinstance(p, typer.core.TyperOption)]
+            # Flags mean the same however often they are said, and multiple options add up.
             single = [p for p in options if not (p.multiple or p.is_flag or p.count)]
             for option in single:
                 if single.count(option) > 1:

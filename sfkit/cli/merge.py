@@ -80,6 +80,7 @@ def merge(
 
 def weight_note(total: float) -> list[str]:
     """What weights that do not sum to 1 mean: base + total * the weighted mean of task vectors."""
+    # Ten times 0.1 is not quite 1.
     if abs(total - 1.0) < 1e-6:
         return []
     kind = "short of" if total < 1 else "beyond"

@@ -33,6 +33,7 @@ def open_notebook(
     from sfkit.reports.notebooks import notebook_folder, notebook_path
 
     stems = sorted(path.stem for path in notebook_folder().glob("*.ipynb"))
+    # A part of the name will do where one notebook alone has it.
     alike = [stem for stem in stems if name in stem]
     found = notebook_path(name if name in stems or len(alike) != 1 else alike[0])
     if lab and importlib.util.find_spec("jupyterlab") is None:
@@ -48,4 +49,5 @@ def open_notebook(
         write_bytes(target, found.read_bytes())
     emit({"notebook": target, "kept": kept}, f"{'kept' if kept else 'wrote'} {target}", as_json=json)
     if lab:
+        # -P: a json.py beside the notebook must not be taken for Python's own.
         raise typer.Exit(subprocess.call([sys.executable, "-P", "-m", "jupyterlab", str(target)]))

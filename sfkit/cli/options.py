@@ -193,6 +193,7 @@ def _weights(text: str) -> dict[str, float]:
 
 
 def _known(pool: Pool, weights: dict[str, float]) -> dict[str, float]:
+    # Refuses a name that the pool has not.
     pool.subset(weights)
     return weights
 

@@ -85,6 +85,7 @@ class Places:
             self.claim(argument, file)
         _check_place(argument, path.absolute().parent)
         if path.exists():
+            # Opened once, so that a damaged one is refused before any work.
             EvaluationStore(path).close()
 
     def claim(self, argument: str, path: Path) -> None:
@@ -93,6 +94,7 @@ class Places:
         Raises:
             InputError: the command reads it, or writes it as something else, under whatever name.
         """
+        # Under whatever name: two paths to one file have a mark in common.
         marks = _marks(path)
         for other, read in self._reads.items():
             if not marks.isdisjoint(_marks(read)):

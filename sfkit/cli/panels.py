@@ -97,6 +97,7 @@ def _benchmark_or_none(**values: Any) -> BenchmarkChoice | None:
 
 
 def _compute(**values: Any) -> Compute:
+    # Here, where the sentence can name the option.
     check_device(values["device"], "--device")
     return Compute(**values)
 

@@ -204,6 +204,7 @@ def _line(row: Mapping[str, Any]) -> str:
 
 def _summary(rows: Sequence[Mapping[str, Any]], overview: Path) -> str:
     """A video's lines: the first and the last frame, and where to look at all."""
+    # The first and the last; of a single frame that one.
     lines = [_line(row) for row in rows[:: max(1, len(rows) - 1)]]
     broken = sum(bool(row["nonfinite"]) for row in rows)
     more = f", {broken} with pixels that are not finite" if broken else ""

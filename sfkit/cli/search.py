@@ -143,6 +143,7 @@ def search(
         run_folder(out, plan.identity(opened, guide), force=force) as folder,
         scoring(opened, guide, kept_in) as (evaluators, scorer),
     ):
+        # In the store that the search has just opened.
         judges = [one.with_store(evaluators[0].store) for one in judges]
         for one in judges:
             say(f"test: {one.benchmark.name} ({one.benchmark.coverage}), {one.metric}, which guides nothing")

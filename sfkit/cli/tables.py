@@ -40,6 +40,7 @@ def _text(value: str | float | None, digits: int) -> str:
 
 def _line(row: Sequence[str], widths: Sequence[int], numeric: Sequence[bool]) -> str:
     cut = [
+        # From the left: paths differ at their ends.
         text if len(text) <= width else "…" + text[1 - width :]
         for text, width in zip(row, widths, strict=True)
     ]

@@ -108,6 +108,7 @@ class Bars:
                 self._close(*(other for other in _shown if other != step))
             self._done[step] = done
             bar = _shown[step] if step in _shown else self._bar(step, total)  # a bar may have no truth value
+            # More than was foreseen: the bar is full then, and not fuller.
             bar.total, bar.n = total and max(total, done), done
             bar.set_postfix_str(printable(note))
             if total is not None and done >= total:

@@ -42,6 +42,7 @@ def tests_of(texts: Sequence[str] | None, guides: Sequence[Benchmark]) -> tuple[
     from sfkit.evaluation.separation import check_separation
 
     tests = under_one_unit([one.metric for one in guides], [_named("--test", t, None) for t in texts or ()])
+    # Named apart from the guides as well.
     found = _distinct([*guides, *tests])[len(guides) :]
     check_separation(guides, found)
     return found

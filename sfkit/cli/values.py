@@ -35,6 +35,7 @@ class Typed:
         kinds = get_args(annotation) if several in (list, tuple) else (annotation,)
         if value is None:
             return () if several in (list, tuple) else None
+        # What typer has rules of its own for is left to it.
         ruled = info.parser or info.exists or info.resolve_path or info.clamp or info.max is not None
         if ruled or not all(_wanted(kind) for kind in kinds):
             return self._ask().coerce(value, param=param, ctx=ctx)

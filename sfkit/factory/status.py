@@ -38,6 +38,7 @@ class Item:
 def status(factory: Factory) -> tuple[Item, ...]:
     """All networks of a factory, sources first; nothing is trained."""
     items = [_item(name, *place) for name, place in files_of(factory).items()]
+    # Of those that are done here: machines differ.
     paces = [item.seconds / item.steps for item in items if item.seconds is not None]
     pace = sum(paces) / len(paces) if paces else None
     return tuple(

@@ -197,6 +197,7 @@ def _panel(figure: go.Figure, differences: Sequence[Difference], muted: str, row
     reach = [end for pair in ends for end in pair]
     # 0 is what one compares with, and always in sight.
     low, high = min([0.0, *reach]), max([0.0, *reach])
+    # Where all stand at 0 any width will do.
     margin = 0.06 * (high - low) or 1.0
     figure.update_xaxes(range=[low - margin, high + margin], row=row, col=col)
     figure.add_vline(x=0.0, line={"color": muted, "width": 1}, layer="below", row=row, col=col)

@@ -45,6 +45,7 @@ def population_figure(
         rows=2,
         cols=2,
         column_widths=[0.62, 0.38],
+        # In pixels: plotly takes them as shares of their sum.
         row_heights=[upper, lower],
         horizontal_spacing=0.03,
         vertical_spacing=SPACING,

@@ -94,6 +94,7 @@ def _answer(geometry: TaskVectorGeometry) -> str:
     count = len(geometry.sources)
     if count < 2:
         return "one source: there is nothing to agree with"
+    # Each pair once, and none with itself.
     upper = geometry.cosines[np.triu_indices(count, 1)]
     return (
         f"cosines from {np.nanmin(upper):.2f} to {np.nanmax(upper):.2f}; signs conflict in "

@@ -218,6 +218,7 @@ def _coverage(figure: go.Figure, found: PredictionCalibration, muted: str) -> No
 
 
 def _answer(found: PredictionCalibration) -> str:
+    # That next to 95 %.
     level = max(range(len(found.levels)), key=lambda n: -abs(found.levels[n] - 0.95))
     (low, high), covered = found.honest[level], found.coverage[level]
     word = "too bold" if covered < low else "too careful" if covered > high else "as promised"

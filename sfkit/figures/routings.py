@@ -40,6 +40,7 @@ def routing_figure(
         column_widths=[0.45, 0.55],
         horizontal_spacing=0.12,
         vertical_spacing=0.2 / rows if rows > 1 else 0.0,
+        # The heatmap stands beside all rows of traces.
         specs=[[{"rowspan": rows}, {}], *[[None, {}] for _ in range(rows - 1)]],
         subplot_titles=["", *(["all blocks"] if trace.tied else trace.blocks)],
     )

@@ -31,6 +31,7 @@ def selection_figure(
         rows=2,
         cols=1,
         shared_xaxes=True,
+        # In pixels: plotly takes them as shares of their sum.
         row_heights=[170, max(lower, 80)],
         vertical_spacing=0.05,
     )

@@ -101,10 +101,12 @@ def template(theme: str = "auto") -> go.layout.Template:
             "paper_bgcolor": look.paper,
             "plot_bgcolor": "rgba(0,0,0,0)",
             "font": {"color": look.ink, "size": 12, "family": "system-ui, sans-serif"},
+            # By the container: long names beside the plot must not push it.
             "title": {"x": 0, "xref": "container", "xanchor": "left", "pad": {"l": 12}},
             "colorway": list(SERIES),
             "xaxis": axis,
             "yaxis": axis,
+            # At the bottom of the figure, whatever its height.
             "legend": {"orientation": "h", "yref": "container", "y": 0.0, "yanchor": "bottom", "x": 0},
             "hoverlabel": {"font": {"color": "#ffffff"}, "bgcolor": "#333a42", "align": "left"},
             "margin": {"l": 60, "r": 20, "t": 96, "b": 84},
