@@ -61,7 +61,7 @@ _UNREADABLE = (
 
 
 @dataclass(frozen=True)
-class Piece:
+class StoredPiece:
     """A tensor as the pickle describes it: so many elements of a storage.
 
     Attributes:
@@ -84,14 +84,14 @@ class TorchContent:
     """A torch file's content.
 
     Attributes:
-        value: what was saved, with a :class:`Piece` for each tensor.
+        value: what was saved, with a :class:`StoredPiece` for each tensor.
         storages: name -> its first byte in the file, and the one behind its last.
     """
 
     value: object
     storages: Mapping[str, tuple[int, int]]
 
-    def extent(self, piece: Piece) -> tuple[int, int] | None:
+    def extent(self, piece: StoredPiece) -> tuple[int, int] | None:
         """The first byte of a tensor and the one behind its last; None if that is not all there."""
         if piece.storage not in self.storages:
             return None
@@ -261,16 +261,16 @@ def _into(value: Any, kind: type[Any]) -> Any:
     return value
 
 
-def _tensor(storage: _Storage, offset: int, shape: Any, stride: Any, _: bool, __: object) -> Piece:
+def _tensor(storage: _Storage, offset: int, shape: Any, stride: Any, _: bool, __: object) -> StoredPiece:
     steps = [prod(shape[place + 1 :]) for place in range(len(shape))]
     whole = all(type(n) is int and n >= 0 for n in (offset, *shape, *stride)) and len(shape) == len(stride)
     if not whole or any(n > 1 and a != b for n, a, b in zip(shape, stride, steps, strict=True)):
         raise ValueError("no contiguous tensor")
-    return Piece(storage.name, storage.dtype, storage.width, tuple(shape), offset)
+    return StoredPiece(storage.name, storage.dtype, storage.width, tuple(shape), offset)
 
 
-def _parameter(piece: Piece, _: bool, __: object) -> Piece:
-    found: Piece = _into(piece, Piece)
+def _parameter(piece: StoredPiece, _: bool, __: object) -> StoredPiece:
+    found: StoredPiece = _into(piece, StoredPiece)
     return found
 
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sfkit.checkpoints.archives import Piece, TorchContent, torch_content
+from sfkit.checkpoints.archives import StoredPiece, TorchContent, torch_content
 from sfkit.checkpoints.fingerprints import content_digest
 from sfkit.checkpoints.headers import (
     SAFETENSORS,
@@ -99,7 +99,7 @@ def stored_file(path: Path) -> StoredFile | None:
     if content is None:
         return None
     try:
-        pieces, layout = unwrap_any(content.value, path, Piece)
+        pieces, layout = unwrap_any(content.value, path, StoredPiece)
     except InputError:  # torch, which is asked next, names the types of what is there instead
         return None
     found: dict[str, TensorPlace] = {}
