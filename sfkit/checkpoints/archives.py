@@ -3,6 +3,7 @@
 Both describe their content in pickle's instructions. These are parsed here, not run: they build dictionaries,
 lists, numbers, texts and tensors' places, and call nothing but the functions below. Whatever else a file has
 (objects of other classes, views that are not contiguous, another byte order, a cut end) is left to torch.
+A file may be hostile: what it says is bounded before anything is computed from it.
 """
 
 from __future__ import annotations
@@ -52,10 +53,11 @@ _PLAIN: dict[bytes, Callable[[], Any]] = {
     pickle.EMPTY_TUPLE: tuple,
 }
 _TUPLES = {pickle.TUPLE1: 1, pickle.TUPLE2: 2, pickle.TUPLE3: 3}
+_DIMENSIONS, _LARGEST = 64, 1 << 63  # of a tensor: more and larger numbers are no tensor's
 # What parsing bytes can come to that are no such file.
 _UNREADABLE = (
-    *(ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError, ValueError),
-    struct.error,
+    *(ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError),
+    *(TypeError, ValueError, struct.error),
     zipfile.BadZipFile,
 )
 
@@ -115,9 +117,14 @@ def torch_content(path: Path) -> TorchContent | None:
 def _archive(path: Path) -> TorchContent | None:
     with zipfile.ZipFile(path) as archive, path.open("rb") as file:
         entries = {entry.filename.partition("/")[2]: entry for entry in archive.infolist()}
-        order = archive.read(entries["byteorder"]) if "byteorder" in entries else b"little"
-        stored = all(entry.compress_type == zipfile.ZIP_STORED for entry in entries.values())
-        if order != b"little" or not stored or len(entries) != len(archive.infolist()):
+        # Nothing is inflated: a small file could hold gigabytes.
+        stored = all(
+            entry.compress_type == zipfile.ZIP_STORED and entry.compress_size == entry.file_size
+            for entry in entries.values()
+        )
+        if not stored or len(entries) != len(archive.infolist()):
+            return None
+        if "byteorder" in entries and archive.read(entries["byteorder"]) != b"little":
             return None
         pickled = archive.read(entries["data.pkl"])
         storages = {
@@ -125,6 +132,8 @@ def _archive(path: Path) -> TorchContent | None:
             for name, entry in entries.items()
             if name.startswith("data/")
         }
+    if any(behind > path.stat().st_size for _, behind in storages.values()):
+        return None
     return TorchContent(_Instructions(pickled).follow(), storages)
 
 
@@ -141,11 +150,14 @@ def _extent(file: IO[bytes], entry: zipfile.ZipInfo) -> tuple[int, int]:
 
 def _row(pages: mmap.mmap) -> TorchContent | None:
     said = _Instructions(pages)
-    magic, protocol, system, value, names = (said.follow() for _ in range(5))
-    if magic != _MAGIC or protocol != _PROTOCOL or system["little_endian"] is not True:
+    if said.follow() != _MAGIC or said.follow() != _PROTOCOL:
+        return None
+    system, value, names = (said.follow() for _ in range(3))
+    if system["little_endian"] is not True:
         return None
     storages, at = {}, said.at
     for name in names:
+        _into(name, str)
         begin = at + 8  # behind the number of elements
         at = begin + int.from_bytes(pages[at:begin], "little") * said.widths[name]
         storages[name] = (begin, at)
@@ -199,6 +211,9 @@ class _Instructions:
                 stack[-_TUPLES[code] :] = [tuple(stack[-_TUPLES[code] :])]
             elif code in (pickle.SETITEM, pickle.SETITEMS):
                 items = cut() if code == pickle.SETITEMS else [stack.pop(-2), stack.pop()]
+                # Only these: to hash a deep tuple takes the whole stack, or forever.
+                if not all(type(key) in (str, int) for key in items[::2]):
+                    raise TypeError("no key of a state dict or an optimiser's state")
                 _into(stack[-1], dict).update(zip(items[::2], items[1::2], strict=True))
             elif code in (pickle.APPEND, pickle.APPENDS):
                 items = cut() if code == pickle.APPENDS else [stack.pop()]
@@ -232,8 +247,9 @@ class _Instructions:
         dtype, width = _STORAGES[_into(of, _Name).text]
         if kind != "storage" or view is not None or type(count) is not int:
             raise ValueError("no plain storage")
-        self.widths[name] = width
-        return _Storage(name, dtype, width)
+        if self.widths.setdefault(_into(name, str), width) != width:
+            raise ValueError("one storage of two types")
+        return _Storage(name, dtype, width, count)
 
 
 @dataclass(frozen=True)
@@ -252,6 +268,7 @@ class _Storage:
     name: str
     dtype: str
     width: int
+    count: int
 
 
 def _into(value: Any, kind: type[Any]) -> Any:
@@ -262,11 +279,17 @@ def _into(value: Any, kind: type[Any]) -> Any:
 
 
 def _tensor(storage: _Storage, offset: int, shape: Any, stride: Any, _: bool, __: object) -> StoredPiece:
-    steps = [prod(shape[place + 1 :]) for place in range(len(shape))]
-    whole = all(type(n) is int and n >= 0 for n in (offset, *shape, *stride)) and len(shape) == len(stride)
-    if not whole or any(n > 1 and a != b for n, a, b in zip(shape, stride, steps, strict=True)):
-        raise ValueError("no contiguous tensor")
-    return StoredPiece(storage.name, storage.dtype, storage.width, tuple(shape), offset)
+    numbers = (offset, *_into(shape, tuple), *_into(stride, tuple))
+    if len(shape) > _DIMENSIONS or not all(type(n) is int and 0 <= n < _LARGEST for n in numbers):
+        raise ValueError("no shape of a tensor")
+    elements = 1
+    for length, step in zip(reversed(shape), reversed(stride), strict=True):
+        if length > 1 and step != elements:
+            raise ValueError("no contiguous tensor")
+        elements *= length
+    if offset + elements > _into(storage, _Storage).count:
+        raise ValueError("no such part of the storage")
+    return StoredPiece(storage.name, storage.dtype, storage.width, shape, offset)
 
 
 def _parameter(piece: StoredPiece, _: bool, __: object) -> StoredPiece:
@@ -275,7 +298,7 @@ def _parameter(piece: StoredPiece, _: bool, __: object) -> StoredPiece:
 
 
 _CALLED: dict[str, Callable[..., object]] = {
-    "collections OrderedDict": OrderedDict,
+    "collections OrderedDict": lambda: OrderedDict(),  # as it is written; arguments would be copied
     "torch._utils _rebuild_tensor_v2": _tensor,
     "torch._utils _rebuild_parameter": _parameter,
 }

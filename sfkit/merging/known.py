@@ -1,6 +1,6 @@
 """What comes with sfkit, known by keys, shapes and types alone: looking at checkpoints needs no torch then.
 
-Answered here is only what is in every respect as it should be. All else (other layouts and types, options
+Answered here is only what is in every respect as it should be. All else (other types, options
 that change tensors, missing parts, values that are not finite, a source unlike its base) is left to
 :mod:`sfkit.merging.recognition` and :func:`~sfkit.merging.opening.open_pool`, which say what it is.
 ``known.json`` is what a test writes, and holds to the networks (``tests/merging/test_merging_known.py``).

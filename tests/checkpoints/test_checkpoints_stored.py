@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+import zipfile
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +14,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
+from sfkit.checkpoints.archives import torch_content
 from sfkit.checkpoints.fingerprints import tensor_digest
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.stored import stored_file
@@ -116,3 +119,71 @@ def test_so_is_a_file_that_is_cut_anywhere(tmp_path: Path, *, archive: bool) -> 
 @pytest.mark.parametrize("file", ["base_sceneflow", "ft_own_zakariya", "ft_kitti2015_half_kasatkin"])
 def test_real_files_of_both_kinds(file: str, real_data: Path) -> None:
     assert_as_torch_has_it(real_data / "anynet" / f"{file}.tar")
+
+
+def archive_of(path: Path, pickled: bytes, **entries: bytes) -> Path:
+    """An archive as torch's, with these instructions and other content."""
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("x/data.pkl", pickled)
+        for name, content in entries.items():
+            archive.writestr(f"x/{name.replace('_', '/')}", content)
+    return path
+
+
+STORAGE = b"(X\x07\0\0\0storagectorch\nFloatStorage\nX\x01\0\0\x000X\x03\0\0\0cpuK\x02tQ"
+TENSOR = b"ctorch._utils\n_rebuild_tensor_v2\n(" + STORAGE + b"K\0"
+REST = b"\x89ccollections\nOrderedDict\n)Rt"  # no gradient, no hooks
+SOUND = b"\x80\x02}X\x01\0\0\0a" + TENSOR + b"K\x02\x85K\x01\x85" + REST + b"Rs."
+HOSTILE = {
+    "a deep key": b"\x80\x02}(" + b")" + b"\x85" * 300_000 + b"K\x01u.",
+    "a key that is hashed forever": b"\x80\x02}()" + b"q\0h\0\x86" * 40 + b"K\x01u.",
+    "a shape of text": b"\x80\x02}X\x01\0\0\0a"
+    + TENSOR
+    + b"K\x01\x8a\x05\0\0\0\0\x02X\x0a\0\0\0xxxxxxxxxx\x87K\x01K\x01K\x01\x87"
+    + REST
+    + b"Rs.",
+    "many dimensions": b"\x80\x02}X\x01\0\0\0a"
+    + TENSOR
+    + 2 * (b"(" + 20_000 * b"K\x02" + b"t")
+    + REST
+    + b"Rs.",
+    "copies of copies": b"\x80\x02ccollections\nOrderedDict\n}(" + b"".join(
+        b"J" + n.to_bytes(4, "little") + b"N" for n in range(50_000)
+    ) + b"u\x85R." ,
+    "a part beyond its storage": SOUND.replace(b"K\x02\x85", b"K\x03\x85"),
+    "a place before its storage": SOUND.replace(b"tQK\0", b"tQJ\xff\xff\xff\xff"),
+}  # fmt: skip
+
+
+def test_instructions_are_followed(tmp_path: Path) -> None:
+    path = archive_of(tmp_path / "x.pth", SOUND, data_0=np.array([1, 2], "<f4").tobytes())
+    stored = stored_file(path)
+    assert stored is not None
+    arrays = stored.arrays()
+    assert arrays is not None
+    assert arrays["a"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_instructions_take_neither_time_nor_memory(name: str, tmp_path: Path) -> None:
+    assert torch_content(archive_of(tmp_path / "x.pth", HOSTILE[name], data_0=bytes(12))) is None
+
+
+def test_nothing_is_inflated_and_nothing_read_beyond_the_end(tmp_path: Path) -> None:
+    path = archive_of(tmp_path / "x.pth", SOUND, data_0=bytes(8))
+    whole = path.read_bytes()
+    assert torch_content(path) is not None
+    with zipfile.ZipFile(tmp_path / "small.pth", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("x/byteorder", bytes(1 << 27))
+        archive.writestr("x/data.pkl", SOUND)
+    tracemalloc.start()
+    assert torch_content(tmp_path / "small.pth") is None
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1 << 24
+    at = whole.index(b"x/data/0") - 2  # the length of what stands between a header and its content
+    path.write_bytes(whole[:at] + b"\xff\xff" + whole[at + 2 :])
+    assert torch_content(path) is None
+    size = whole.rindex(b"PK\x01\x02") + 20  # of data/0 in the directory, packed and whole
+    path.write_bytes(whole[:size] + 2 * b"\xff\xff\x00\x00" + whole[size + 8 :])
+    assert torch_content(path) is None
