@@ -89,7 +89,7 @@ def _answer(found: list[Difference]) -> str:
     counts = {str(name): sum(d.word is name for d in found) for name in told}
     level = f"{100 * found[0].level:.0f} %" if found else "95 %"
     judged = ", ".join(f"{number} {name}" for name, number in counts.items() if number) or "none can be told"
-    return f"{judged}; further left is better; whiskers: {level} intervals over images"
+    return f"{judged}; further left is better; whiskers: {level} interval of each alone"
 
 
 PANEL_ROW = 22

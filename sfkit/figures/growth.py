@@ -77,7 +77,8 @@ def _answer(record: PopulationSizes) -> str:
     # The smallest that comes near: a larger population only costs more.
     near = next(size for size, mean in zip(record.sizes, means, strict=True) if mean <= best + 0.05 * spread)
     dotted = "; dotted: the best of all subsets" if record.optimum is not None else ""
+    seeds = f"{len(record.seeds)} seed{'s' * (len(record.seeds) != 1)}"
     return (
         f"from M = {near} on the mean stays within 5 % of the range of all runs "
-        f"({len(record.seeds)} seeds, T = {record.generations}){dotted}"
+        f"({seeds}, T = {record.generations}){dotted}"
     )
