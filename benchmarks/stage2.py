@@ -178,7 +178,7 @@ TITLES = {
 }
 HEAD = """## Stage 2: the best score against evaluations
 
-`python benchmarks/py` runs the searches and goes on where it was. A search is Stage 1 by its model,
+`python benchmarks/stage2.py` runs the searches and goes on where it was. A search is Stage 1 by its model,
 then Stage 2 over the subset it found, on windows of a few validation pairs drawn by the seed. Numbers are
 points behind (above 0) or ahead (below 0) of what CMA-ES has after 300 evaluations of the same search:
 median and quartiles. Evaluations are those of Stage 2; what has no stages gets those of Stage 1 besides.
@@ -191,14 +191,14 @@ evaluations; entries of x are the median over searches."""
 
 
 def section() -> str:
-    """Tables of whatever ``benchmarks/py`` has finished.
+    """Tables of whatever ``benchmarks/stage2.py`` has finished.
 
     Raises:
         SystemExit: that is nothing, or no search by CMA-ES.
     """
     frame = kept.results("")
     if frame.empty or CMA_ES not in set(frame["way"]):
-        raise SystemExit("nothing is finished yet: run python benchmarks/py first (hours)")
+        raise SystemExit("nothing is finished yet: run python benchmarks/stage2.py first (hours)")
     behind = curves(frame)
     parts = [HEAD]
     for kind, title in TITLES.items():

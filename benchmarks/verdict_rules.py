@@ -204,7 +204,7 @@ KINDS = ("base", "single source", "equal weights", "routed")
 
 
 def section() -> str:
-    """Tables of whatever ``benchmarks/py`` has finished.
+    """Tables of whatever ``benchmarks/verdict_rules.py`` has finished.
 
     Raises:
         SystemExit: that is nothing.
@@ -213,14 +213,14 @@ def section() -> str:
     others = {name: kept_of(name) for name in BANKS if name != BANK}
     parts += [_table(f"On `{name}`, {UNSEEN}", runs.results(f"{name}-")) for name, runs in others.items()]
     if not any(parts):
-        raise SystemExit("nothing is finished yet: run python benchmarks/py first (hours)")
+        raise SystemExit("nothing is finished yet: run python benchmarks/verdict_rules.py first (hours)")
     return "\n\n".join([HEAD, *(part for part in parts if part)])
 
 
 BUDGETS = f"M = {POPULATION}, T = {GENERATIONS}"
 HEAD = f"""## Which rule should a verdict follow?
 
-`python benchmarks/py` (`--pool bank-sharp` for the sharp bank) goes on where it was, and what
+`python benchmarks/verdict_rules.py` (`--pool bank-sharp` for the sharp bank) goes on where it was, and what
 follows are the runs that are finished. In each both stages ({BUDGETS},
 {EVALUATIONS} evaluations) are guided by a few pairs, and every rule chooses among the
 same networks. Change: the chosen network's score minus that of Stage 1, on the guiding pairs and on

@@ -27,7 +27,7 @@ def take(browser: Browser, report: Path, out: Path, width: int, theme: str) -> N
         color_scheme="dark" if theme == "dark" else "light",
         viewport={"width": width, "height": HEIGHTS[width]},
     )
-    context.set_default_timeout(180_000)  # milliseconds; a busy machine is slow to draw
+    context.set_default_timeout(600_000)  # milliseconds; a busy machine is slow to draw
     page = context.new_page()
     page.goto(report.resolve().as_uri())
     for name, cell in PAGES.items():
