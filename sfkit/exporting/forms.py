@@ -26,6 +26,10 @@ _RESIZES = (
     "its monocular branch resizes every image by a factor that the file would keep from the size it was made "
     "at; give a size"
 )
+_WINDOWS = (
+    "whether its windows are padded depends on the size of the images, and the file would keep what was "
+    "right at the size it was made at; give a size"
+)
 # Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
 # What stands here was run whole (docs/results.md), or its part that does not export was.
 SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
@@ -38,8 +42,15 @@ SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
     },
     "foundation-stereo vitb": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
     "foundation-stereo vitl": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
-    "nmrf-res": {(Form.ONNX, False): None, (Form.TORCH, False): None, (Form.TORCHSCRIPT, False): None},
-    "nmrf-swint": {(Form.ONNX, False): None, (Form.TORCH, False): None, (Form.TORCHSCRIPT, False): None},
+    **{
+        name: {
+            (Form.ONNX, False): None,
+            (Form.TORCH, False): None,
+            (Form.TORCHSCRIPT, False): None,
+            (Form.TORCH, True): _WINDOWS,
+        }
+        for name in ("nmrf-res", "nmrf-swint")
+    },
 }
 
 
