@@ -78,12 +78,11 @@ CASES = {
 WANTED = (
     *(
         (name, form, False)
-        for name in ("anynet", "nmrf-res", "nmrf-swint", "foundation-stereo-s")
+        for name in ("anynet", "nmrf-res", "nmrf-swint")
         for form in ("onnx", "torch", "torchscript")
     ),
-    *((name, form, True) for name in ("anynet", "nmrf-res", "nmrf-swint") for form in ("onnx", "torch")),
-    *(("foundation-stereo-s", form, True) for form in ("onnx", "torch")),
-    *(("foundation-stereo-l", form, False) for form in ("onnx", "torch", "torchscript")),
+    ("foundation-stereo-s", "torchscript", False),
+    ("foundation-stereo-l", "torchscript", False),
 )
 
 

@@ -41,7 +41,11 @@ SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
         (Form.TORCH, True): _RESIZES,
     },
     "foundation-stereo vitb": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
-    "foundation-stereo vitl": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
+    "foundation-stereo vitl": {
+        (Form.TORCHSCRIPT, False): None,
+        (Form.ONNX, True): _RESIZES,
+        (Form.TORCH, True): _RESIZES,
+    },
     **{
         name: {
             (Form.ONNX, False): None,
