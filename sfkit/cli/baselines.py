@@ -50,11 +50,13 @@ def baselines(
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
       sfkit baselines pool.toml -b unlabelled -r ~/drive --every 20 --names uniform,adamerging,stage1
     """
-    chosen, combine = data.open(), guidance.combine
-    guides = guides_of(chosen, guidance)
+    if methods is not None and not names(methods):
+        raise InputError("--names is empty, expected methods such as uniform,task_arithmetic,ties")
     places = Places(csv=data.csv)
     places.file("--out", out, ".csv", force=force)
     places.store(store)
+    chosen, combine = data.open(), guidance.combine
+    guides = guides_of(chosen, guidance)
     from sfkit.analysis.trust import trust_of
     from sfkit.baselines import baseline_table, run_baselines
     from sfkit.evaluation.table import write_table
@@ -106,8 +108,6 @@ def _methods(text: str) -> tuple[str, ...]:
 
     # Each once, in the order that was asked for.
     found = tuple(dict.fromkeys(names(text)))
-    if not found:
-        raise InputError("--names is empty, expected methods such as uniform,task_arithmetic,ties")
     for name in found:
         if baseline_named(name).oracle:
             raise InputError(

@@ -71,7 +71,6 @@ def evaluate(
       sfkit evaluate pool.toml --recipe a.json --recipe b.safetensors -b pairs -r ~/pairs --images
       sfkit evaluate pool.toml --all-subsets -b eth3d -r ~/ETH3D --protocol raft --store scores.sqlite
     """
-    chosen, metrics = data.open_by_several()
     places = Places(subset_from=subset_from, csv=data.csv)
     for file in recipe or ():
         places.reads("--recipe", file)
@@ -82,12 +81,13 @@ def evaluate(
             "found nothing to score, expected --subset, --subset-from, --recipe, --uniform, --members or "
             "--all-subsets"
         )
-    from sfkit.evaluation import Evaluator
-    from sfkit.evaluation.table import image_table, score_table, write_table
-
     asked = choosers(subset=subset, subset_from=subset_from, uniform=uniform)
     for file in recipe or ():
         asked |= choosers(recipe=file)
+    chosen, metrics = data.open_by_several()
+    from sfkit.evaluation import Evaluator
+    from sfkit.evaluation.table import image_table, score_table, write_table
+
     opened = pool_of(pool)
     recipes = opened.alone() if members else {}
     recipes |= _all_subsets(opened) if all_subsets else {}

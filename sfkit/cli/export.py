@@ -53,9 +53,7 @@ def export(
       sfkit export merged.safetensors --dynamic -l im0.png -r im1.png -o stereo.onnx
     """
     ensure_checkpoint(file)
-    from sfkit.datasets.images import read_image
-    from sfkit.exporting.export import check_target, export_network, form_of
-    from sfkit.exporting.forms import ENDINGS
+    from sfkit.exporting.forms import ENDINGS, check_target, form_of
 
     kind = form_of(form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])
@@ -65,12 +63,16 @@ def export(
     places.claim("--out", out)
     if (left is None) != (right is None):
         raise InputError("--left and --right: found one of them, expected both images of a pair")
+    given = _size(size)
+    from sfkit.datasets.images import read_image
+    from sfkit.exporting.export import export_network
+
     pair = None if left is None or right is None else (read_image(left), read_image(right))
     exported = export_network(
         file,
         out,
         form=kind,
-        size=_size(size),
+        size=given,
         dynamic=dynamic,
         pair=pair,
         architecture=architecture,

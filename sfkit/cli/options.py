@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from sfkit.architectures.code import imported_files
 from sfkit.cli.groups import names
 from sfkit.cli.terminal import Bars, coloured, printable
 from sfkit.cli.terminal import say as say
@@ -23,15 +24,19 @@ if TYPE_CHECKING:
     from sfkit.merging import Pool, Recipe
 
 Made = TypeVar("Made")
+NAMED = ("bank", "bank-slim", "bank-sharp")  # pools that come with sfkit
 LARGE = 100 * 2**20  # bytes of a checkpoint that takes so long to read that one wants to see it
 
 
 def _ensure_pool(path: str) -> str:
-    """Refuse a path that leads nowhere, not a name, before anything is imported that could open a pool."""
-    if (os.sep in path or path.endswith(".toml")) and not Path(path).exists():
+    """Refuse what is no pool.toml, or one that cannot be read, before anything is imported that opens a pool.
+
+    A name may be one of code that ``--import`` runs.
+    """
+    if os.sep in path or path.endswith(".toml") or not (path in NAMED or any(imported_files())):
         from sfkit.checkpoints.spec import read_pool_spec
 
-        read_pool_spec(path)
+        _named(path, lambda: read_pool_spec(path))
     return path
 
 
@@ -90,13 +95,13 @@ def choosers(
     Raises:
         InputError: an option cannot be read, or a file holds no recipe.
     """
-    from sfkit.merging import Pool, Recipe
     from sfkit.merging.origin import read_recipe
+    from sfkit.merging.recipe import Recipe
     from sfkit.search import subset_of, transfer
 
     found: dict[str, Chooser] = {}
     if uniform:
-        found["uniform"] = Pool.uniform
+        found["uniform"] = lambda pool: pool.uniform()
     if subset is not None:
         chosen = source_names("--subset", subset)
         found["+".join(chosen)] = lambda pool: pool.equal(*chosen)

@@ -78,13 +78,14 @@ class Places:
         """
         if path is None:
             return
-        from sfkit.evaluation.store import EvaluationStore
         from sfkit.evaluation.store_file import companions
 
         for file in (path, *companions(path)):
             self.claim(argument, file)
         _check_place(argument, path.absolute().parent)
         if path.exists():
+            from sfkit.evaluation.store import EvaluationStore
+
             # Opened once, so that a damaged one is refused before any work.
             EvaluationStore(path).close()
 

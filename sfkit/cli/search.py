@@ -35,8 +35,9 @@ from sfkit.cli.panels import (
 )
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
 from sfkit.cli.watching import Watch
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 from sfkit.search import RoutingSettings, SubsetSettings
+from sfkit.search.checks import METHODS
 from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
 if TYPE_CHECKING:
@@ -102,13 +103,17 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
       sfkit search pool.toml -b pairs -r ~/pairs --resamples 200
     """
-    guides, combine = guides_of(data.open(), guidance), guidance.combine
+    if method not in METHODS:
+        raise unknown_name("method", method, METHODS)
+    first, second = SubsetSettings(**stage1), _stage2(stage2)
     kept_in = store or out / STORE
     places = Places(start=start, subset_from=subset_from, csv=data.csv)
     places.folder("--out", out, (*OUTPUTS, SEARCH, LOCK))
     places.store(kept_in)
     if not force:
         refuse_unclaimed(out)
+    chosen, begin = _subset(subset, subset_from), recipe_of(start) if start is not None else None
+    guides, combine = guides_of(data.open(), guidance), guidance.combine
     from sfkit.analysis.overfit import holdout_check
     from sfkit.analysis.search_verdict import missing
     from sfkit.analysis.trust import trust_of
@@ -120,14 +125,11 @@ def search(
     from sfkit.search.plan import SearchPlan
 
     plan = SearchPlan(
-        subset=_subset(subset, subset_from),
-        stage1=SubsetSettings(**stage1),
-        # A rank is for blocks that are not tied.
-        stage2=None
-        if stage2.get("evaluations") == 0
-        else RoutingSettings(**{**stage2, "tied": stage2["tied"] and "rank" not in stage2}),
+        subset=chosen,
+        stage1=first,
+        stage2=second,
         constraints=constraints,
-        start=recipe_of(start) if start is not None else None,
+        start=begin,
         resamples=resamples,
     )
     # The model has sizes of its own; those that were named go before them.
@@ -180,6 +182,13 @@ def search(
     emit(document, "\n".join([*judge.lines(found), text]), as_json=json)
 
 
+def _stage2(given: Mapping[str, Any]) -> RoutingSettings | None:
+    if given.get("evaluations") == 0:
+        return None
+    # A rank is for blocks that are not tied.
+    return RoutingSettings(**{**given, "tied": given["tied"] and "rank" not in given})
+
+
 def _sized(plan: SearchPlan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> SearchPlan:
     """The plan with the sizes that were named; the method's own for the others."""
     sizes = {name: stage1[name] for name in ("population", "generations", "survival") if name in stage1}
@@ -191,8 +200,6 @@ def _sized(plan: SearchPlan, stage1: Mapping[str, Any], stage2: Mapping[str, Any
 
 def _other_cost(plan: SearchPlan, price: Estimate, pool: Pool) -> str | None:
     """What the method that was not chosen would cost with its own sizes; None where it cannot do the same."""
-    from sfkit.search.plan import METHODS
-
     if plan.stage2 is not None and plan.stage2.holdout:
         return None
     other = next(method for method in METHODS if method != plan.method)

@@ -18,12 +18,12 @@ from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.targets import FileForm
 from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.datasets.synthetic import domains, synthetic_pair
-from sfkit.errors import InputError, SfkitError, SfkitWarning, unknown_name
+from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
-from sfkit.exporting.forms import ENDINGS, SEEN, Form, called, kind_of, untried
-from sfkit.files import unwritable, write_bytes
+from sfkit.exporting.forms import SEEN, Form, called, check_target, form_of, kind_of, untried
+from sfkit.files import write_bytes
 from sfkit.merging.network import LoadedNetwork, load_network
 from sfkit.merging.origin import stated_metadata
 from sfkit.merging.saving import write_beside
@@ -170,35 +170,6 @@ def _run(made: formats.ExportedNetwork, fed: Fed, kind: str) -> NDArray[np.float
             f"the exported {kind} does not run on images of {height}x{width} ({type(error).__name__}: "
             f"{reason}); nothing was written: export it for one size, or to another format"
         ) from error
-
-
-def form_of(form: Form | str) -> Form:
-    """A format by its name.
-
-    Raises:
-        InputError: there is no such format.
-    """
-    if form not in tuple(Form):
-        raise unknown_name("format", str(form), Form)
-    return Form(form)
-
-
-def check_target(out: str | Path, form: Form, *, overwrite: bool) -> Path:
-    """Refuse a target before any work is done for it.
-
-    Raises:
-        InputError: its ending does not suit the format, it exists, or its folder cannot be made.
-    """
-    out = Path(out)
-    if out.suffix not in ENDINGS[form]:
-        raise InputError(
-            f"{out}: a file of format {form.value!r} ends in {' or '.join(ENDINGS[form])}, name it so"
-        )
-    if out.is_dir() or (out.exists() and not overwrite):
-        raise InputError(f"{out}: exists, give another name or allow overwriting (--force)")
-    if (place := unwritable(out.parent)) is not None:
-        raise InputError(f"{out}: {place} is no folder that can be written to, expected one")
-    return out
 
 
 def rendered_pair(size: tuple[int, int]) -> Pair:

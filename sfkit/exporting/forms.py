@@ -3,8 +3,14 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from sfkit.merging.network import LoadedNetwork
+from sfkit.errors import InputError, unknown_name
+from sfkit.files import unwritable
+
+if TYPE_CHECKING:
+    from sfkit.merging.network import LoadedNetwork
 
 
 class Form(StrEnum):
@@ -61,6 +67,35 @@ SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
 def called(form: Form, *, dynamic: bool) -> str:
     """A request as the command line says it."""
     return f"{form.value}{' with --dynamic' if dynamic else ''}"
+
+
+def form_of(form: Form | str) -> Form:
+    """A format by its name.
+
+    Raises:
+        InputError: there is no such format.
+    """
+    if form not in tuple(Form):
+        raise unknown_name("format", str(form), Form)
+    return Form(form)
+
+
+def check_target(out: str | Path, form: Form, *, overwrite: bool) -> Path:
+    """Refuse a target before any work is done for it.
+
+    Raises:
+        InputError: its ending does not suit the format, it exists, or its folder cannot be made.
+    """
+    out = Path(out)
+    if out.suffix not in ENDINGS[form]:
+        raise InputError(
+            f"{out}: a file of format {form.value!r} ends in {' or '.join(ENDINGS[form])}, name it so"
+        )
+    if out.is_dir() or (out.exists() and not overwrite):
+        raise InputError(f"{out}: exists, give another name or allow overwriting (--force)")
+    if (place := unwritable(out.parent)) is not None:
+        raise InputError(f"{out}: {place} is no folder that can be written to, expected one")
+    return out
 
 
 def kind_of(loaded: LoadedNetwork) -> str:

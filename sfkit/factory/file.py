@@ -57,7 +57,8 @@ from sfkit.evaluation.separation import check_separation
 from sfkit.files import home
 from sfkit.outside import read_toml, table, text
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.plan import METHODS, SearchPlan
+from sfkit.search.checks import METHODS
+from sfkit.search.plan import SearchPlan
 from sfkit.training import TrainingSettings
 
 KEYS = (

@@ -10,6 +10,8 @@ from typing import Any
 from sfkit.errors import InputError, nearest, unknown_name
 from sfkit.settings import Check
 
+METHODS = ("paper", "bayesian")
+"""Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
 LARGEST_POPULATION = 100_000
 """Candidates that are held at the same time; what is far above is a slip, and would fill the memory."""
 

@@ -18,7 +18,7 @@ from sfkit.search.averaging import check_averaging, check_choice
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
-from sfkit.search.checks import require_whole
+from sfkit.search.checks import METHODS, require_whole
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch, encoding_of
@@ -26,8 +26,6 @@ from sfkit.search.routing_records import RoutingSettings
 from sfkit.search.run_folder import NAMES
 from sfkit.search.subset import SubsetSearch
 
-METHODS = ("paper", "bayesian")
-"""Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
 MOST_RESAMPLES = 10_000  # more take memory, and tell nothing that these did not
 _PROPOSED = BayesianSubsetSettings().generations
 _SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
+from safetensors.torch import load_file
 from tiny import write_pool
 
 import sfkit
@@ -30,6 +32,18 @@ HEAVY = (
     "nbconvert",
     "rich",
 )
+
+
+def write_torch_files(pool: Path, folder: Path) -> None:
+    """The pool's networks as torch saves them, and its pool.toml."""
+    folder.mkdir()
+    toml = (pool / "pool.toml").read_text()
+    (folder / "pool.toml").write_text(toml.replace(".safetensors", ".tar"))
+    for file in pool.glob("*.safetensors"):
+        content = {"epoch": 1, "state_dict": {f"module.{k}": t for k, t in load_file(file).items()}}
+        torch.save(content, folder / f"{file.stem}.tar")
+
+
 LINES = f"""
 import sys
 from sfkit.cli import main
@@ -48,6 +62,8 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
     (tmp_path / "pool.toml").write_text(
         'name = "p"\narchitecture = "anynet"\n[base]\nfile = "net.safetensors"\n[sources.a]\nfile = "a.tar"\n'
     )
+    (tmp_path / "bad.toml").write_text("[base")
+    write_torch_files(tmp_path / "pool", tmp_path / "torch")
     lines = {
         "--help": 0,
         "evaluat": 2,
@@ -63,14 +79,32 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "export nothing.pth": 2,
         "factory run nothing.toml": 2,
         "open nothing": 2,
+        "evaluate bank -b eth3d": 2,
+        "evaluate bank --subset , -b eth3d": 2,
+        "evaluate bank --recipe nothing.json -b eth3d": 2,
+        "merge bank --uniform --subset a -o net.pth": 2,
+        "search bank --method bayes -b eth3d": 2,
+        "search bank --population 0 -b eth3d": 2,
+        "search bank --rank 0 -b eth3d": 2,
+        "search pool-of-nobody -b eth3d": 2,
+        "baselines bank --names , -b eth3d": 2,
+        f"evaluate {tmp_path / 'bad.toml'} --uniform -b eth3d": 2,
+        f"export {tmp_path / 'net.safetensors'} --format onx": 2,
+        f"export {tmp_path / 'net.safetensors'} --size large": 2,
         "runs --help": 0,
         "finetune --help": 0,
         "show nothing.json": 2,
         f"show {tmp_path / 'net.safetensors'}": 0,
         f"show {tmp_path / 'pool.toml'}": 0,
         f"show {tmp_path / 'pool' / 'a.safetensors'}": 0,
+        f"show {tmp_path / 'torch' / 'a.tar'}": 0,
     }
-    with_numpy = {f"show {tmp_path / 'pool'}": 0, f"init {tmp_path / 'pool'} --force": 0}
+    with_numpy = {
+        f"show {tmp_path / 'pool'}": 0,
+        f"show {tmp_path / 'torch'}": 0,
+        f"show {tmp_path / 'torch' / 'pool.toml'}": 0,
+        f"init {tmp_path / 'pool'} --force": 0,
+    }
     with_cv2 = {
         f"runs list {tmp_path}": 0,
         "runs diff here here": 2,
