@@ -93,7 +93,7 @@ class CombinedScorer:
     """One score from several benchmarks: their mean, or the worst of them.
 
     Where some are measured against ground truth and some by ``census``, what is combined are changes against
-    the uniform merge, each in units of its spread over images (:mod:`sfkit.evaluation.combining`).
+    the uniform merge, each in units of its spread over images (:class:`Changes`).
 
     Args:
         evaluators: one for each validation benchmark.
