@@ -92,8 +92,8 @@ weights alone gain nothing on that world.
 
 ## What is left
 
-- Demo, report and the first six notebooks open this bank. Ablations, transfer, the notebook without ground
-  truth, the factory's notebook and most recorded results stay on `bank`, as their tables say. A pair costs this
+- Demo, report, ablations and the first six notebooks open this bank. Transfer, the notebook without ground
+  truth, the factory's and many recorded results stay on `bank`, as their tables say. A pair costs this
   network about 1.3 times what it costs the first bank's.
 
 ## How to build it
