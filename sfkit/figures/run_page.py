@@ -20,6 +20,7 @@ from sfkit.analysis.run_overview import (
 )
 
 WIDTH, HEIGHT, LEFT, BOTTOM = 420, 170, 54, 24
+NAMES = 90  # below parallel axes: their names stand upright, for side by side they would overlap
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 
@@ -77,16 +78,16 @@ def _pictures(stage: StageOverview, metric: str) -> str:
         title = (
             f"{stage.run.stage}: every candidate, mean weights, scales and score; the best tenth in colour"
         )
-        parts.append(_figure(title, _parallel(stage.routes), "", metric))
+        parts.append(_figure(title, _parallel(stage.routes), "", metric, HEIGHT + NAMES))
     return f"<div class='row'>{''.join(parts)}</div>"
 
 
-def _figure(title: str, drawing: str, below: str, metric: str) -> str:
+def _figure(title: str, drawing: str, below: str, metric: str, height: int = HEIGHT) -> str:
     axis = f"<text x='{(WIDTH + LEFT) / 2}' y='{HEIGHT - 4}' text-anchor='middle'>{escape(below)}</text>"
     unit = f" ({escape(metric)})" if metric else ""
     return (
         f"<figure><figcaption>{escape(title)}{unit}</figcaption>"
-        f"<svg viewBox='0 0 {WIDTH} {HEIGHT}' role='img' aria-label='{escape(title)}'>"
+        f"<svg viewBox='0 0 {WIDTH} {height}' role='img' aria-label='{escape(title)}'>"
         f"{drawing}{axis}</svg></figure>"
     )
 
@@ -155,12 +156,13 @@ def _parallel(routes: Sequence[RoutedCandidate]) -> str:
             f"<polyline class='{kind}' points='{points}'>"
             f"<title>{escape(f'evaluation {routes[number].number}: {tip}')}</title></polyline>"
         )
-    anchors = ["start", *["middle"] * (len(names) - 2), "end"]  # long names stay inside
-    for x, name, low, high, anchor in zip(xs, names, lows, highs, anchors, strict=True):
+    below = HEIGHT - BOTTOM + 12
+    for x, name, low, high in zip(xs, names, lows, highs, strict=True):
         lines.append(
             f"<line class='axis' x1='{x:.1f}' x2='{x:.1f}' y1='14' y2='{HEIGHT - BOTTOM - 10}'/>"
             f"<text x='{x:.1f}' y='10' text-anchor='middle'>{high:.2g}</text>"
             f"<text x='{x:.1f}' y='{HEIGHT - BOTTOM + 2}' text-anchor='middle'>{low:.2g}</text>"
-            f"<text x='{x:.1f}' y='{HEIGHT - 8}' text-anchor='{anchor}'>{escape(name)}</text>"
+            f"<text transform='translate({x + 4:.1f} {below}) rotate(-90)' text-anchor='end'>"
+            f"{escape(name)}</text>"
         )
     return "".join(lines)
