@@ -10,6 +10,7 @@ from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
 from sfkit.figures.evolution import evolution_figure, population_figure
+from sfkit.figures.fusion import fusion_figure
 from sfkit.figures.geometry import geometry_figure
 from sfkit.figures.growth import population_sizes_figure
 from sfkit.figures.interpolation import interpolation_figure
@@ -35,6 +36,7 @@ __all__ = [
     "cost_figure",
     "disparity_figure",
     "evolution_figure",
+    "fusion_figure",
     "geometry_figure",
     "interpolation_figure",
     "method_cost_figure",

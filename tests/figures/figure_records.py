@@ -34,6 +34,7 @@ from sfkit.analysis.predictions import Predictions, calibration
 from sfkit.analysis.ranking import Ranking, agreement
 from sfkit.analysis.routings import RoutingTrace
 from sfkit.analysis.scores import ScoreColumn, ScoreGrid
+from sfkit.baselines import fusion_table
 from sfkit.datasets.metric import Metric
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
 from sfkit.merging import Recipe
@@ -280,6 +281,7 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "calibration": lambda theme: figures.calibration_figure(calibration(told()), theme=theme),
     "scores": lambda theme: figures.scores_figure(grid(), theme=theme),
     "cost": lambda theme: figures.cost_figure(costs(), theme=theme),
+    "strategies": lambda theme: figures.fusion_figure(fusion_table(), theme=theme),
     "advantage": lambda theme: figures.advantage_figure(versus(), theme=theme),
     "disparity": lambda theme: figures.disparity_figure(panels(), theme=theme),
 }
