@@ -78,10 +78,9 @@ CASES = {
 WANTED = (
     *(
         (name, form, False)
-        for name in ("anynet", "nmrf-res", "nmrf-swint")
+        for name in ("anynet", "nmrf-res", "nmrf-swint", "foundation-stereo-s")
         for form in ("onnx", "torch", "torchscript")
     ),
-    ("foundation-stereo-s", "torchscript", False),
     ("foundation-stereo-l", "torchscript", False),
 )
 
