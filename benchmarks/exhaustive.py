@@ -68,7 +68,7 @@ def table_path(name: str = BANK.name) -> Path:
 
 
 def subset_scores(path: Path | None = None) -> SubsetScores:
-    """The first bank's table, or another that :func:`write_scores` wrote for the same bank.
+    """The first bank's table, or another that :func:`write_scores` wrote: banks share their sources' names.
 
     Raises:
         InputError: the file is missing or no such table.

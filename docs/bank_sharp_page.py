@@ -88,13 +88,13 @@ All 2,047 equal-weight merges were scored on 20 pairs of the validation world
 (`benchmarks/subsets-bank-sharp.csv`; `benchmarks/README.md` says what searches need there). It is another
 landscape than the first bank's: of two sources or more the best merge, uneven-exposure with scanned-street,
 has 11.05 % and scanned-street alone 11.00; half of all merges are above 17.10, the worst has 29.86. Equal
-weights alone gain nothing on that world.
+weights alone gain nothing on these 20 pairs.
 
 ## What is left
 
-- Demo, report, ablations and the first six notebooks open this bank. Transfer, the notebook without ground
-  truth, the factory's and many recorded results stay on `bank`, as their tables say. A pair costs this
-  network about 1.3 times what it costs the first bank's.
+- Demo, report, the recorded ablations and the first six notebooks open this bank. Notebooks 07 to 10 and
+  many recorded results stay on `bank`, as their tables say. A pair costs this network about 1.3 times what it
+  costs the first bank's.
 
 ## How to build it
 

@@ -51,7 +51,7 @@ def study(
         raise InputError(f"seeds: found {seeds}, expected at least 1")
     methods = None if methods is None else list(methods)
     averaged = [AVERAGE] if experiment.resamples else []
-    _check_reference(reference, None if methods is None else [*methods, *averaged])
+    _check_reference(reference, None if methods is None else dict.fromkeys([*methods, *averaged]))
     tested = [one for one in experiment.compared if not one.validation] or experiment.compared
     one_unit([(one.benchmark, one.metric) for one in tested])
     began, worked = time.perf_counter(), time.process_time()
@@ -180,26 +180,20 @@ def _judged(
     # Which method others stand beside must be known before any test is looked at: its p-values are among
     # those that the verdict is corrected with.
     label = reference or runs[prefer(recipes, guides, averaged)].label
-    comparison = _compare(experiment, measured, runs, label)
-
-    def judged(looked_at: Sequence[float]) -> Verdict:
-        return verdict(
+    before: list[float] = []  # p-values of what was looked at beside a method that tests then overruled
+    while True:
+        comparison = _compare(experiment, measured, runs, label)
+        found = verdict(
             recipes,
             guides,
             tests,
             evaluations={name: spent[result.label] for name, result in able.items()},
             averaged=averaged,
-            beside=looked_at if tests else (),
+            beside=(*before, *comparison.p_values) if tests else (),
         )
-
-    looked_at = comparison.p_values
-    found = judged(looked_at)
-    recommended = runs[found.recommended].label
-    if reference is None and recommended != label:
-        # Overruled: others stand beside another method, and what was looked at before counts as well.
-        second = _compare(experiment, measured, runs, recommended)
-        found = judged((*looked_at, *second.p_values))
-        if runs[found.recommended].label == recommended:
-            return second.among((*found.p_values, *looked_at)), found
-        return comparison.among((*found.p_values, *second.p_values)), found  # among so many, no more
-    return comparison.among(found.p_values), found
+        recommended = runs[found.recommended].label
+        if reference is not None or recommended == label:
+            return comparison.among((*found.p_values, *before)), found
+        # Ends: among more comparisons fewer networks are shown to be better.
+        before += comparison.p_values
+        label = recommended

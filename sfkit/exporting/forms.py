@@ -37,7 +37,7 @@ _WINDOWS = (
     "right at the size it was made at; give a size"
 )
 # Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
-# What stands here was run whole (docs/results.md), or its part that does not export was.
+# What stands here was run whole (docs/how_to/export.md), or its part that does not export was.
 SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
     "foundation-stereo vits": {
         (Form.ONNX, False): None,

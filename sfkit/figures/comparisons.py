@@ -207,6 +207,6 @@ def _answer_by_benchmark(rows: Sequence[ComparedNetwork], comparison: NetworkCom
     better = sum(row.difference is not None and row.difference.word is Judgement.BETTER for row in rows)
     guided = "; * guided a search" if any(column.validation for column in comparison.columns) else ""
     return (
-        f"left is better; {better} of {len(rows)} are, by 95 % intervals over images; open: within noise, "
-        f"×: no interval{guided}"
+        f"left is better; {better} of {len(rows)} are, corrected together; whiskers: 95 % interval of "
+        f"each alone; open: within noise, ×: no interval{guided}"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from html import escape
+
 import pandas as pd
 import plotly.graph_objects as go
 
@@ -29,8 +31,10 @@ def fusion_figure(table: pd.DataFrame, *, theme: str = "auto", height: int | Non
             x=[granularity],
             y=[selection],
             mode="text",
-            text="<br>".join(methods.index),
-            hovertext="<br>".join(f"{method}: {weights}" for method, weights in methods["weights"].items()),
+            text="<br>".join(map(escape, methods.index)),
+            hovertext="<br>".join(
+                escape(f"{method}: {weights}") for method, weights in methods["weights"].items()
+            ),
             hoverinfo="text",
         )
     selections = list(dict.fromkeys(table["selection"]))
@@ -54,7 +58,7 @@ def fusion_figure(table: pd.DataFrame, *, theme: str = "auto", height: int | Non
         figure,
         theme=theme,
         title="Which methods both select sources and weigh them finely?",
-        subtitle=", ".join(both.index) or "none",
+        subtitle=", ".join(map(escape, both.index)) or "none",
         height=height or len(selections) * (LINE * max(map(len, cells.groups.values())) + 8) + 190,
         showlegend=False,
     )

@@ -3,7 +3,7 @@
 Which candidate is best depends on which pairs happened to guide. Every evaluation in the store has the
 errors of each image, so that the candidates can be judged again on resamples of the pairs, at no forward
 pass. One of them wins each resample; the average of these winners is one recipe more, which is scored once.
-In 25 recorded runs it was better on unseen pairs than the best on validation in 15 (docs/results.md, "Which
+In 30 recorded runs it was better on unseen pairs than the best on validation in 18 (docs/results.md, "Which
 rule should a verdict follow?"), and tied winners give it strengths of its own in every block.
 """
 

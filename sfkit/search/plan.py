@@ -115,6 +115,7 @@ class SearchPlan:
         """
         if method not in METHODS:
             raise unknown_name("method", method, METHODS)
+        require_whole("batch", batch, 1)
         seed, second = self.stage1.seed, self.stage2
         stage1: SubsetSettings = SubsetSettings(seed=seed)
         stage2: RoutingSettings | None = None

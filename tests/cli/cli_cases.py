@@ -174,6 +174,7 @@ SEARCH = (
     _search("generations", "--generations -1", "generations", "-1", "at least 0"),
     _search("evaluations", "--evaluations -1", "evaluations", "-1", "at least 1"),
     _search("nothing", "--subset kitti,driving --evaluations 0", "subset", "Stage 2"),
+    _search("batch", "--method bayesian --batch 0", "batch", "0", "at least 1"),
     _search("seed", "--seed -4", "seed", "-4"),
     _search("entropy", "--entropy nan", "entropy", "nan"),
     _search("holdout", "--holdout 1.5", "holdout", "1.5", "folds"),

@@ -17,6 +17,7 @@ from sfkit.checkpoints.headers import read_texts
 from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.groups import first_paragraph
 from sfkit.cli.inspection import inspect_file
+from sfkit.cli.options import NAMED
 from sfkit.errors import InputError
 
 HEAVY = (
@@ -32,6 +33,10 @@ HEAVY = (
     "nbconvert",
     "rich",
 )
+
+
+def test_pools_that_come_with_sfkit_are_known_by_name_before_any_is_opened() -> None:
+    assert set(NAMED) == set(sfkit.bank.banks())
 
 
 def write_torch_files(pool: Path, folder: Path) -> None:
@@ -82,7 +87,7 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "evaluate bank -b eth3d": 2,
         "evaluate bank --subset , -b eth3d": 2,
         "evaluate bank --recipe nothing.json -b eth3d": 2,
-        "merge bank --uniform --subset a -o net.pth": 2,
+        "merge bank --uniform --subset a -o net.safetensors": 2,
         "search bank --method bayes -b eth3d": 2,
         "search bank --population 0 -b eth3d": 2,
         "search bank --rank 0 -b eth3d": 2,
