@@ -81,7 +81,11 @@ WANTED = (
         for name in ("anynet", "nmrf-res", "nmrf-swint", "foundation-stereo-s")
         for form in ("onnx", "torch", "torchscript")
     ),
+    ("foundation-stereo-l", "torch", False),
     ("foundation-stereo-l", "torchscript", False),
+    ("anynet", "onnx", True),
+    ("anynet", "torch", True),
+    ("nmrf-res", "onnx", True),
 )
 
 

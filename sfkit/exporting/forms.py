@@ -36,6 +36,12 @@ _WINDOWS = (
     "whether its windows are padded depends on the size of the images, and the file would keep what was "
     "right at the size it was made at; give a size"
 )
+_NMRF: dict[tuple[Form, bool], str | None] = {
+    (Form.ONNX, False): None,
+    (Form.TORCH, False): None,
+    (Form.TORCHSCRIPT, False): None,
+    (Form.TORCH, True): _WINDOWS,
+}
 # Of the large networks that come with sfkit: format, and whether of any size -> why not, None where it holds.
 # What stands here was run whole (docs/how_to/export.md), or its part that does not export was.
 SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
@@ -48,19 +54,13 @@ SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
     },
     "foundation-stereo vitb": {(Form.ONNX, True): _RESIZES, (Form.TORCH, True): _RESIZES},
     "foundation-stereo vitl": {
+        (Form.TORCH, False): None,
         (Form.TORCHSCRIPT, False): None,
         (Form.ONNX, True): _RESIZES,
         (Form.TORCH, True): _RESIZES,
     },
-    **{
-        name: {
-            (Form.ONNX, False): None,
-            (Form.TORCH, False): None,
-            (Form.TORCHSCRIPT, False): None,
-            (Form.TORCH, True): _WINDOWS,
-        }
-        for name in ("nmrf-res", "nmrf-swint")
-    },
+    "nmrf-res": {**_NMRF, (Form.ONNX, True): None},
+    "nmrf-swint": _NMRF,
 }
 
 
