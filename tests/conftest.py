@@ -116,11 +116,25 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """
     if config.getoption("--slow"):
         long = {item.path for item in items if item.get_closest_marker("slow")}
-        items.sort(key=lambda item: item.path not in long)
+        first = [item for item in items if item.path in long]
+        items[:] = [*first, *_spread([item for item in items if item.path not in long])]
         return
     slow = [item for item in items if item.get_closest_marker("slow")]
     config.hook.pytest_deselected(items=slow)
     items[:] = [item for item in items if not item.get_closest_marker("slow")]
+
+
+def _spread(items: list[pytest.Item]) -> list[pytest.Item]:
+    """The other files, those with a browser apart: side by side their pages wait for minutes."""
+    files: dict[Path, list[pytest.Item]] = {}
+    for item in items:
+        files.setdefault(item.path, []).append(item)
+    browsing = [path for path, tests in files.items() if any(t.get_closest_marker("browser") for t in tests)]
+    order = [path for path in files if path not in browsing]
+    gap = len(order) * 2 // 3 // max(1, len(browsing))  # none at the end, where nobody else works
+    for number, path in enumerate(browsing):
+        order.insert(number * (gap + 1), path)
+    return [item for path in order for item in files[path]]
 
 
 def _forbid_skip(report: pytest.TestReport | pytest.CollectReport) -> None:
