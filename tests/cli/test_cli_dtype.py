@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from cli_world import Shell
 from safetensors.torch import load_file
 
@@ -27,5 +29,7 @@ def test_merge_and_search_write_the_type_that_is_asked_for(shell: Shell) -> None
 
 
 def test_an_unknown_type_is_refused_before_any_work(shell: Shell) -> None:
-    _, errors = shell("merge absent --uniform -o half.safetensors --dtype float", code=2)
+    for file in Path("pool").glob("*.safetensors"):
+        file.unlink()  # nothing is read
+    _, errors = shell("merge pool --uniform -o half.safetensors --dtype float", code=2)
     assert "unknown --dtype 'float', expected one of: bfloat16, float16, float32" in errors
