@@ -154,7 +154,7 @@ def pool_toml(factory: Factory) -> str:
         f"\n[options]\n{options}" if options else "",
         f"[base]\nfile = {toml_value(str(factory.base.resolve()))}",
     ]
-    files = files_of(factory)
+    files = files_of(factory, factory.orders)
     for order in factory.orders:
         file, made = files[order.name]
         lines.append(
@@ -195,7 +195,7 @@ def _scores(
     recipes = {"base": pool.base_recipe(), "uniform": pool.uniform(), MERGED: found.recipe}
     recipes |= {name: pool.equal(name) for name in pool.names}
     scores: dict[str, dict[str, float]] = {name: {} for name in recipes}
-    joint = None if factory.joint is None else files_of(factory)[JOINT][0]
+    joint = None if factory.joint is None else files_of(factory, [factory.joint])[JOINT][0]
     for evaluator in (*guides, *tests):
         benchmark = evaluator.benchmark
         for name, outcome in zip(recipes, evaluator(list(recipes.values())), strict=True):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sfkit.factory.file import Factory
+from sfkit.factory.file import Factory, Order
 from sfkit.training.finetune import intended, starting_point, training_folder
 
 DONE, RUNNING, STALE, MISSING = "done", "begun", "stale", "missing"
@@ -54,11 +54,18 @@ def most_evaluations(factory: Factory) -> int:
     return factory.plan.evaluations([order.name for order in factory.orders], ("all",))
 
 
-def files_of(factory: Factory) -> dict[str, tuple[Path, Mapping[str, Any]]]:
-    """Where each network lies, and what it says about itself, by name; the base is read once for all."""
+def files_of(
+    factory: Factory, orders: Iterable[Order] | None = None
+) -> dict[str, tuple[Path, Mapping[str, Any]]]:
+    """Where each network lies, and what it says about itself, by name; the base is read once for all.
+
+    Args:
+        factory: whose networks.
+        orders: those that are asked for; all unless given.
+    """
     start = starting_point(factory.base, name=factory.architecture, options=factory.options)
     found: dict[str, tuple[Path, Mapping[str, Any]]] = {}
-    for order in factory.networks:
+    for order in factory.networks if orders is None else orders:
         made = intended(start, order.data, settings=order.settings, licence=order.licence)
         told = {key: value for key, value in made.items() if key not in IGNORED}
         digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:10]

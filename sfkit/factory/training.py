@@ -66,7 +66,7 @@ def train_one(factory: Factory, name: str, device: str = "cpu", say: Say = lambd
             refuses.
     """
     order = _order(factory, name)
-    file, _ = files_of(factory)[name]
+    file, _ = files_of(factory, [order])[name]
     finetune(
         factory.base,
         order.data,
