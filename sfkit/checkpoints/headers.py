@@ -15,7 +15,8 @@ from sfkit.files import trouble
 from sfkit.outside import parse_json
 
 SAFETENSORS = ".safetensors"
-TORCH_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar", ".bin")
+WRITTEN_SUFFIXES = (".pth", ".pt", ".ckpt", ".tar")  # of torch files that are written here
+TORCH_SUFFIXES = (*WRITTEN_SUFFIXES, ".bin")
 SUFFIXES = (SAFETENSORS, *TORCH_SUFFIXES)
 INDEX = ".safetensors.index.json"  # of a network in several files: which tensor is in which
 # The types networks are saved in. Files of others are read with torch.

@@ -6,6 +6,7 @@ import shutil
 from enum import StrEnum
 from pathlib import Path
 
+from sfkit.checkpoints.headers import SAFETENSORS, WRITTEN_SUFFIXES
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import unwritable
 
@@ -35,7 +36,7 @@ def check_target(path: str | Path, form: FileForm | str, *, overwrite: bool) -> 
         InputError: as :func:`sfkit.checkpoints.writing.write_checkpoint` says.
     """
     path, form = Path(path), form_of(form)
-    endings = (".safetensors",) if form is FileForm.SAFETENSORS else (".pth", ".pt", ".ckpt", ".tar")
+    endings = (SAFETENSORS,) if form is FileForm.SAFETENSORS else WRITTEN_SUFFIXES
     if path.suffix not in endings:
         other = next((f.value for f in FileForm if f is not form), "")
         raise InputError(

@@ -6,6 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from sfkit.checkpoints.headers import WRITTEN_SUFFIXES
 from sfkit.errors import InputError, unknown_name
 from sfkit.files import unwritable
 
@@ -26,7 +27,7 @@ ENDINGS = {
     Form.ONNX: (".onnx",),
     Form.TORCH: (".pt2",),
     Form.TORCHSCRIPT: (".pt", ".ts"),
-    Form.PTH: (".pth", ".pt", ".ckpt", ".tar"),
+    Form.PTH: WRITTEN_SUFFIXES,
 }
 _RESIZES = (
     "its monocular branch resizes every image by a factor that the file would keep from the size it was made "
