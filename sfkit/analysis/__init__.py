@@ -9,7 +9,7 @@ from sfkit.analysis.ablations import (
     validation_sets,
 )
 from sfkit.analysis.comparisons import ComparedColumn, ComparedNetwork, NetworkComparison, compare_networks
-from sfkit.analysis.costs import MethodCost, StageCost, cost_table, overhead_table, stage_costs
+from sfkit.analysis.costs import MethodCost, StageCost, check_seconds, cost_table, overhead_table, stage_costs
 from sfkit.analysis.differences import (
     Advantage,
     AdvantagePanels,
@@ -116,6 +116,7 @@ __all__ = [
     "block_modules",
     "block_probes",
     "calibration",
+    "check_seconds",
     "compare_methods",
     "compare_networks",
     "contenders",

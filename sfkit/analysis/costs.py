@@ -107,6 +107,29 @@ class MethodCost:
     runs: int = 1
 
 
+def check_seconds(training: Mapping[str, float], joint: float | None) -> None:
+    """Refuse times that no training took, before anything is measured beside them.
+
+    Args:
+        training: source -> wall seconds its fine-tuning took; nothing where that is not known.
+        joint: wall seconds of one training on all sources' data, where that was done.
+
+    Raises:
+        InputError: one that is not positive, or the joint training's alone.
+    """
+    # Not "<= 0", which NaN would pass.
+    if joint is not None and not joint > 0.0:
+        raise InputError(f"cost: found {joint} seconds of joint retraining, expected a positive number")
+    if any(not seconds > 0.0 for seconds in training.values()):
+        raise InputError(
+            f"cost: found the trainings {dict(training)}, expected positive seconds for each source"
+        )
+    if joint is not None and not training:
+        raise InputError(
+            f"cost: found {joint} seconds of joint retraining, none of any fine-tuning, expected both"
+        )
+
+
 def overhead_table(
     costs: Sequence[MethodCost], training: Mapping[str, float], joint: float | None = None
 ) -> pd.DataFrame:
@@ -124,13 +147,9 @@ def overhead_table(
     Raises:
         InputError: no training, or one without a positive time.
     """
-    if joint is not None and not joint > 0.0:
-        raise InputError(f"cost: found {joint} seconds of joint retraining, expected a positive number")
-    # Not "<= 0", which NaN would pass.
-    if not training or any(not seconds > 0.0 for seconds in training.values()):
-        raise InputError(
-            f"cost: found the trainings {dict(training)}, expected positive seconds for each source"
-        )
+    if not training:
+        raise InputError("cost: found no training, expected positive seconds for each source")
+    check_seconds(training, joint)
     total = math.fsum(training.values())
     rows = [{"method": "fine-tuning the sources", "wall seconds": total}] + [
         {

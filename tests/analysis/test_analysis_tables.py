@@ -12,6 +12,7 @@ from measured_records import measured
 from sfkit import bank
 from sfkit.analysis import (
     MethodCost,
+    check_seconds,
     latex_table,
     overhead_table,
     ranks,
@@ -92,6 +93,9 @@ def test_a_method_is_set_beside_the_sources_trainings() -> None:
     assert beside["of joint retraining [%]"].isna().tolist() == [True, True, False]
     with pytest.raises(InputError, match=r"found 0.0 seconds of joint retraining"):
         overhead_table([both], {"a": 1.0}, joint=0.0)
+    check_seconds({}, None)
+    with pytest.raises(InputError, match="seconds of joint retraining, none of any fine-tuning"):
+        check_seconds({}, 9.0)
 
 
 def test_the_papers_overhead_follows_from_its_hours() -> None:
