@@ -2,7 +2,7 @@
 
     python benchmarks/bigpool.py                    # FoundationStereo ViT-L, 3 and 11 sources: 18 GB of files
     python benchmarks/bigpool.py nmrf-swint --json  # NMRF Swin-T, 11 sources, with an evaluation
-    python benchmarks/bigpool.py --quick            # a small network, to see that it works
+    python benchmarks/bigpool.py quick              # a small network, to see that it works
 
 Weights are random. Files go to a folder outside the checkout and are removed at the end. Every step runs
 in a process of its own, so that peaks are its own; memory is anonymous pages, file pages stand apart. The
@@ -12,63 +12,42 @@ needs to hand over the same files. A step's peak includes Python and torch, abou
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from processes import call_watched, machine, shown
+from processes import answered, call_watched, machine, shown
 from synthetic_pool import PoolShape, describe, file_size, forget_pages, temporary_folder, write_checkpoints
+
+from sfkit.analysis.tables import markdown_lines
 
 DOCUMENT = "benchmarks/README.md"
 
 TARGET_MB = 6 * 1024  # anonymous memory with 11 sources of ViT-L
-
-
-@dataclass(frozen=True)
-class PoolSteps:
-    """A pool, and what is measured on it.
-
-    Attributes:
-        shape: the pool.
-        counts: numbers of sources, one round of steps each.
-        averaged: the number of sources that the copying baseline loads.
-        steps: after the two openings, in order.
-    """
-
-    shape: PoolShape
-    counts: tuple[int, ...]
-    averaged: int
-    steps: tuple[str, ...] = ("merge", "write")
-
-
-PLANS: Mapping[str, PoolSteps] = {
-    "vitl": PoolSteps(
-        PoolShape(
-            "foundation-stereo",
-            sources=11,
-            options={"vit_size": "vitl"},
-            frozen="feature.dino.",
-            published="foundationstereo/foundationstereo_vitl_keys.json",
-        ),
-        counts=(3, 11),
-        averaged=3,
-    ),
-    "nmrf-swint": PoolSteps(
-        PoolShape("nmrf-swint", sources=11, published="nmrf/nmrf_swint_keys.json"),
-        counts=(11,),
-        averaged=11,
-        steps=("merge", "write", "evaluate"),
-    ),
-    "quick": PoolSteps(PoolShape("nmrf-res", sources=2, frozen="backbone."), counts=(2,), averaged=2),
+VIT_L = PoolShape(
+    "foundation-stereo",
+    sources=11,
+    options={"vit_size": "vitl"},
+    frozen="feature.dino.",
+    published="foundationstereo/foundationstereo_vitl_keys.json",
+)
+NMRF = PoolShape("nmrf-swint", sources=11, published="nmrf/nmrf_swint_keys.json")
+STEPS = ("merge", "write")
+Plan = tuple[PoolShape, tuple[int, ...], int, tuple[str, ...]]
+PLANS: Mapping[str, Plan] = {
+    "vitl": (VIT_L, (3, 11), 3, STEPS),
+    "nmrf-swint": (NMRF, (11,), 11, (*STEPS, "evaluate")),
+    "quick": (PoolShape("nmrf-res", sources=2, frozen="backbone."), (2,), 2, STEPS),
 }
+"""The pool; numbers of sources, one round of steps each; how many the copying baseline loads; what follows
+the two openings, in order."""
 
 
-def measure(plan: PoolSteps, folder: Path | None = None) -> dict[str, Any]:
+def measure(
+    plan: Literal["vitl", "nmrf-swint", "quick"] = "vitl", folder: Path | None = None
+) -> dict[str, Any]:
     """Write the pool, run every step, remove the pool.
 
     Args:
@@ -79,78 +58,53 @@ def measure(plan: PoolSteps, folder: Path | None = None) -> dict[str, Any]:
         ``machine``; ``file_bytes``; ``rows``, one a step: ``sources``, ``step``, its seconds,
         ``anonymous_mb`` and ``mapped_mb`` (peaks, MiB).
     """
-    size = file_size(plan.shape)
-    needed = size * (plan.shape.sources + 2) + size * max(plan.counts)  # files, a merged one, task vectors
+    shape, counts, averaged, steps = PLANS[plan]
+    size = file_size(shape)
+    needed = size * (shape.sources + 2 + max(counts))  # files, a merged one, task vectors
+    rows = []
     with temporary_folder(folder, needed) as place:
-        _say(f"writing {plan.shape.sources + 1} files of {size / 1e6:.0f} MB")
-        write_checkpoints(place, plan.shape)
-        rows = [row for count in plan.counts for row in _round(place, plan, count)]
-        rows.append(_step("average", describe(place, plan.shape, plan.averaged), plan.averaged))
+        print(f"writing {shape.sources + 1} files of {size / 1e6:.0f} MB", file=sys.stderr, flush=True)
+        write_checkpoints(place, shape)
+        for count in counts:
+            os.environ["SFKIT_CACHE"] = str(place / f"cache{count}")  # of the steps' processes: starts empty
+            pool = describe(place, shape, count)
+            for step, label in (("read", "read files"), ("open", "open first")):
+                forget_pages(place)
+                rows.append(_step(step, pool, count, label))
+            rows.append(_step("open", pool, count, "open again"))
+            rows += [_step(step, pool, count, step) for step in steps]
+        rows.append(_step("average", describe(place, shape, averaged), averaged, "average"))
     return {"machine": machine(), "file_bytes": size, "rows": rows}
 
 
-def _round(place: Path, plan: PoolSteps, count: int) -> list[dict[str, Any]]:
-    """All steps on the first ``count`` sources, with a cache of task vectors that starts empty."""
-    os.environ["SFKIT_CACHE"] = str(place / f"cache{count}")  # of the steps' processes
-    pool = describe(place, plan.shape, count)
-    rows = []
-    for step, label in (("read", "read files"), ("open", "open first")):
-        forget_pages(place)
-        rows.append(_step(step, pool, count, label))
-    rows.append(_step("open", pool, count, "open again"))
-    return [*rows, *(_step(step, pool, count) for step in plan.steps)]
-
-
-def _step(step: str, pool: Path, count: int, label: str | None = None) -> dict[str, Any]:
+def _step(step: str, pool: Path, count: int, label: str) -> dict[str, Any]:
     figures, peak = call_watched("pool_steps.py", step, str(pool))
-    row = {"sources": count, "step": label or step, **figures, **vars(peak)}
-    _say(f"{count:3} sources, {row['step']}: {_seconds(row)}, {peak.anonymous_mb:.0f} MiB anonymous")
+    row = {"sources": count, "step": label, **figures, **vars(peak)}
+    print(*_cells(row), "MiB", sep="  ", file=sys.stderr, flush=True)
     return row
 
 
 def table(result: Mapping[str, Any]) -> str:
     """The figures as a Markdown table."""
-    lines = ["| sources | step | seconds | anonymous MiB | file pages MiB |", "|--:|---|---|--:|--:|"]
-    lines += [
-        f"| {row['sources']} | {row['step']} | {_seconds(row)} | {row['anonymous_mb']:,.0f} "
-        f"| {row['mapped_mb']:,.0f} |"
-        for row in result["rows"]
-    ]
-    return "\n".join(lines)
+    heads = ("sources", "step", "seconds", "anonymous MiB", "file pages MiB")
+    return markdown_lines(heads, map(_cells, result["rows"]), [True, False, False, True, True])
 
 
-def _seconds(row: Mapping[str, Any]) -> str:
-    """``"equal 0.123, routed 0.125"`` from a row's seconds."""
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Seconds as ``"equal 0.123, routed 0.125"``."""
     named = {key.removesuffix("_seconds"): value for key, value in row.items() if key.endswith("_seconds")}
-    return ", ".join(f"{name} {value:.3f}" for name, value in named.items())
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure and print a table, or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument(
-        "plan", nargs="?", default="vitl", choices=[name for name in PLANS if name != "quick"]
-    )
-    parser.add_argument("--quick", action="store_true", help="a small network")
-    parser.add_argument("--folder", type=Path, help="where the files go, outside the checkout")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args(arguments)
-    result = measure(PLANS["quick" if options.quick else options.plan], options.folder)
-    print(json.dumps(result) if options.json else table(result))
+    seconds = ", ".join(f"{name} {value:.3f}" for name, value in named.items())
+    memory = (f"{row[key]:,.0f}" for key in ("anonymous_mb", "mapped_mb"))
+    return str(row["sources"]), row["step"], seconds, *memory
 
 
 def section() -> str:
     """The table, and whether the target for anonymous memory was met."""
-    result = measure(PLANS["vitl"])
+    result = measure("vitl")
     rows = result["rows"]
     most = max(row["anonymous_mb"] for row in rows if row["sources"] == 11)
-    plain = next(row for row in rows if row["step"] == "average")
+    (plain,) = (row for row in rows if row["step"] == "average")
     opened = next(row for row in rows if row["step"] == "open first")
-    verdict = "under" if most < TARGET_MB else "above"
     return f"""## Eleven FoundationStereo ViT-L sources on a small machine
 
 `{shown("bigpool.py")}`: 12 files of {result["file_bytes"] / 1e9:.2f} GB with random weights,
@@ -160,10 +114,11 @@ dropped and read again as the system likes. A merge's time is the shortest of se
 
 {table(result)}
 
-With 11 sources the most anonymous memory in any step was {most:,.0f} MiB, {verdict} the target of
+With 11 sources the most anonymous memory in any step was {most:,.0f} MiB, \
+{"under" if most < TARGET_MB else "above"} the target of
 {TARGET_MB:,} MiB. Loading {plain["sources"]} state dicts and averaging them, the usual way, held
 {plain["anonymous_mb"]:,.0f} MiB; it grows by a whole checkpoint a source, and was not run with 11."""
 
 
 if __name__ == "__main__":
-    main()
+    answered(measure, table)

@@ -8,10 +8,10 @@ that the network's parameters are views into the merge's buffer.
 
 from __future__ import annotations
 
-import argparse
 import json
+import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -37,49 +37,40 @@ def timed(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - start, result
 
 
-def reading(path: Path) -> dict[str, Any]:
+def read(path: Path) -> dict[str, Any]:
     """Read every file of the pool from beginning to end and do nothing with it."""
     spec = read_pool_spec(path)
     buffer = bytearray(READ_AT_ONCE)
-
-    def read() -> None:
-        for member in (spec.base, *spec.sources):
-            with member.path.open("rb", buffering=0) as stream:
-                while stream.readinto(buffer):
-                    pass
-
-    return {"read_seconds": timed(read)[0]}
+    started = time.perf_counter()
+    for member in (spec.base, *spec.sources):
+        with member.path.open("rb", buffering=0) as stream:
+            while stream.readinto(buffer):
+                pass
+    return {"read_seconds": time.perf_counter() - started}
 
 
-def opening(path: Path) -> dict[str, Any]:
+def opened(path: Path) -> dict[str, Any]:
     """Open the pool."""
     before = time.process_time()
     seconds, pool = timed(lambda: open_pool(path))
-    return {
-        "open_seconds": seconds,
-        "cpu_seconds": time.process_time() - before,
-        "values": sum(spec.size for spec in pool.specs),
-        "changed": pool.layout.size,
-    }
+    sizes = {"values": sum(spec.size for spec in pool.specs), "changed": pool.layout.size}
+    return {"open_seconds": seconds, "cpu_seconds": time.process_time() - before, **sizes}
 
 
-def merging(path: Path) -> dict[str, Any]:
+def merge(path: Path) -> dict[str, Any]:
     """Make the live network, then merge into it again and again: the shortest time counts."""
     pool = open_pool(path)
     network_seconds, live = timed(lambda: pool.merge(pool.uniform()))
-    equal = [timed(lambda: live.apply(pool.uniform()))[0] for _ in range(REPEATS)]
+    equal = min(timed(lambda: live.apply(pool.uniform()))[0] for _ in range(REPEATS))
     _check(pool, live)
     recipe = _routed(pool)
-    split = [timed(lambda: live.apply(recipe))[0] for _ in range(REPEATS)]
-    return {
-        "network_seconds": network_seconds,
-        "equal_seconds": min(equal),
-        "routed_seconds": min(split),
-        "bytes_read": (len(pool.names) + 1) * 4 * pool.layout.size,
-    }
+    split = min(timed(lambda: live.apply(recipe))[0] for _ in range(REPEATS))
+    moved = (len(pool.names) + 1) * 4 * pool.layout.size
+    seconds = {"network_seconds": network_seconds, "equal_seconds": equal, "routed_seconds": split}
+    return {**seconds, "bytes_read": moved}
 
 
-def writing(path: Path) -> dict[str, Any]:
+def write(path: Path) -> dict[str, Any]:
     """Write the merged network to a file."""
     pool = open_pool(path)
     seconds, written = timed(lambda: save_merged(pool, pool.uniform(), path.parent / "merged.safetensors"))
@@ -87,24 +78,23 @@ def writing(path: Path) -> dict[str, Any]:
     return {"write_seconds": seconds}
 
 
-def evaluating(path: Path) -> dict[str, Any]:
+def evaluate(path: Path) -> dict[str, Any]:
     """Evaluate the equal-weight and a routed merge on one small rendered pair."""
     pool = open_pool(path)
     pair = synthetic_pair(next(iter(domains().values())), 0, split="benchmark", height=96, width=160)
     benchmark = memory_benchmark("one", [Sample("0", pair.left, pair.right, pair.disparity)])
     evaluator = Evaluator(pool, benchmark)
     seconds, outcomes = timed(lambda: evaluator([pool.uniform(), _routed(pool)]))
-    if any(outcome.error for outcome in outcomes):
-        raise SystemExit(f"an evaluation failed: {[outcome.error for outcome in outcomes]}")
+    if errors := [outcome.error for outcome in outcomes if outcome.error]:
+        raise SystemExit(f"an evaluation failed: {errors}")
     return {"evaluation_seconds": seconds / 2}
 
 
-def averaging(path: Path) -> dict[str, Any]:
+def average(path: Path) -> dict[str, Any]:
     """The usual way: load every state dict, average key by key, load the result into a network."""
     spec = read_pool_spec(path)
-    paths = [member.path for member in spec.sources]
     load_seconds, states = timed(
-        lambda: [torch.load(p, map_location="cpu", weights_only=True)["model"] for p in paths]
+        lambda: [torch.load(s.path, map_location="cpu", weights_only=True)["model"] for s in spec.sources]
     )
     mean_seconds, mean = timed(lambda: {key: _average([s[key] for s in states]) for key in states[0]})
     network = architecture(spec.architecture).build(**spec.options)
@@ -112,14 +102,7 @@ def averaging(path: Path) -> dict[str, Any]:
     return {"load_seconds": load_seconds, "average_seconds": mean_seconds + seconds}
 
 
-STEPS: dict[str, Callable[[Path], dict[str, Any]]] = {
-    "read": reading,
-    "open": opening,
-    "merge": merging,
-    "write": writing,
-    "evaluate": evaluating,
-    "average": averaging,
-}
+STEPS = {step.__name__: step for step in (read, merge, write, evaluate, average)} | {"open": opened}
 
 
 def _routed(pool: Pool) -> Recipe:
@@ -130,8 +113,8 @@ def _routed(pool: Pool) -> Recipe:
     return routed(pool.names, pool.blocks, weights, [1.0 + 0.1 * b for b in range(blocks)])
 
 
-def _average(values: Sequence[torch.Tensor]) -> torch.Tensor:
-    return torch.stack(tuple(values)).mean(0) if values[0].is_floating_point() else values[0]
+def _average(values: list[torch.Tensor]) -> torch.Tensor:
+    return torch.stack(values).mean(0) if values[0].is_floating_point() else values[0]
 
 
 def _check(pool: Pool, live: LiveModel) -> None:
@@ -153,14 +136,5 @@ def _check(pool: Pool, live: LiveModel) -> None:
             raise SystemExit(f"{spec.key}: the parameter is a copy, no view")
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Do one step and print its figures as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("step", choices=STEPS)
-    parser.add_argument("pool", type=Path, help="a pool.toml")
-    options = parser.parse_args(arguments)
-    print(json.dumps(STEPS[options.step](options.pool)))
-
-
 if __name__ == "__main__":
-    main()
+    print(json.dumps(STEPS[sys.argv[1]](Path(sys.argv[2]))))

@@ -1,7 +1,9 @@
-"""Commands in processes of their own, and the memory they take."""
+"""Commands in processes of their own, the memory they take, and the command line of what prints rows."""
 
 from __future__ import annotations
 
+import argparse
+import inspect
 import json
 import multiprocessing
 import os
@@ -9,12 +11,13 @@ import shutil
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar, get_args, get_origin
 
+import pandas as pd
 import torch
 
 from sfkit.evaluation.estimating import peak_memory
@@ -22,7 +25,85 @@ from sfkit.evaluation.estimating import peak_memory
 T = TypeVar("T")
 
 HERE = Path(__file__).parent
+RESULTS = HERE.parent / "runs" / "results"
+"""Where sections keep what took them long."""
 INTERVAL = 0.005  # seconds between two looks at a process's memory
+
+
+def answered(
+    measure: Callable[..., Any],
+    text: Callable[[Any], str] | None = None,
+    arguments: Sequence[str] | None = None,
+) -> None:
+    """Measure what the command line asks for and print it as text, or JSON.
+
+    Args:
+        measure: its parameters are the options. What is a ``Literal`` or has no default comes bare; a tuple
+            takes several values, and False is a switch.
+        text: of what was measured; its rows as a table unless given.
+        arguments: of the command line; the process's own unless given.
+    """
+    parser = argparse.ArgumentParser(
+        description=sys.modules[measure.__module__].__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    for name, one in inspect.signature(measure, eval_str=True).parameters.items():
+        usual, (kind, *_) = one.default, [*get_args(one.annotation), one.annotation]
+        words = f"{usual} unless given"
+        if usual is one.empty:
+            parser.add_argument(name, type=kind)
+        elif get_origin(one.annotation) is Literal:
+            values = get_args(one.annotation)
+            parser.add_argument(name, choices=values, nargs="?", default=usual, help=words)
+        elif usual is False:
+            parser.add_argument(f"--{name}", action="store_true")
+        else:
+            several = {"nargs": "+"} if isinstance(usual, tuple) else {}
+            parser.add_argument(f"--{name}", type=kind, default=usual, help=words, **several)
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    given = vars(parser.parse_args(arguments))
+    as_json = given.pop("json")
+    found = measure(**given)
+    print(json.dumps(found, indent=2, default=asdict) if as_json else (text or readable)(found))
+
+
+def readable(found: Any) -> str:
+    """Rows as a table, and what a record holds by name."""
+    if not isinstance(found, Mapping):
+        return pd.DataFrame(found).to_string(index=False, float_format="{:.4g}".format)
+    parts = (
+        f"{name}:\n{readable(v)}" if isinstance(v, list) else f"{name}: {v}" for name, v in found.items()
+    )
+    return "\n".join(parts)
+
+
+def sfkit(*words: str) -> str:
+    """Run ``sfkit WORDS`` as a user does and return its standard output; progress comes as it is made."""
+    return _output([sys.executable, "-m", "sfkit", *words])
+
+
+def shown(script: str, *arguments: str) -> str:
+    """The command as one types it at the top of the checkout."""
+    return " ".join(("python", f"benchmarks/{script}", *arguments))
+
+
+def call(script: str, *arguments: str) -> Any:
+    """The JSON document that ``python benchmarks/SCRIPT ARGUMENTS`` prints."""
+    return json.loads(_output([sys.executable, str(HERE / script), *arguments]))
+
+
+def _output(command: list[str]) -> str:
+    return subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout
+
+
+def apart(function: Callable[..., T], *arguments: Any, **named: Any) -> T:
+    """Call a function of a module in a new process, which nothing before has warmed up or filled."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
+        return process.submit(function, *arguments, **named).result()
+
+
+def peak_mb() -> float:
+    """The most memory this process has held, in MiB."""
+    return peak_memory() / (1 << 20)
 
 
 @dataclass(frozen=True)
@@ -38,43 +119,8 @@ class Peak:
     mapped_mb: float
 
 
-def chromium() -> str:
-    """The distribution's Chromium.
-
-    Raises:
-        SystemExit: there is none.
-    """
-    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-    if found is None:
-        raise SystemExit("no Chromium found: install the distribution's, such as apt-get install chromium")
-    return found
-
-
-def shown(script: str, *arguments: str) -> str:
-    """The command as one types it at the top of the checkout."""
-    return " ".join(("python", f"benchmarks/{script}", *arguments))
-
-
-def call(script: str, *arguments: str) -> Any:
-    """The JSON document that ``python benchmarks/SCRIPT ARGUMENTS`` prints."""
-    command = [sys.executable, str(HERE / script), *arguments]
-    finished = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
-    return json.loads(finished.stdout)
-
-
-def apart(function: Callable[..., T], *arguments: Any, **named: Any) -> T:
-    """Call a function of a module in a new process, which nothing before has warmed up or filled."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
-        return process.submit(function, *arguments, **named).result()
-
-
-def peak_mb() -> float:
-    """The most memory this process has held, in MiB."""
-    return peak_memory() / (1 << 20)
-
-
 def call_watched(script: str, *arguments: str) -> tuple[Any, Peak]:
-    """The same, and the process's peak memory, looked at every ``INTERVAL`` seconds.
+    """As :func:`call`, and the process's peak memory, looked at every ``INTERVAL`` seconds.
 
     Raises:
         SystemExit: this is not Linux, the only system that tells anonymous from mapped pages.
@@ -101,20 +147,27 @@ def call_watched(script: str, *arguments: str) -> tuple[Any, Peak]:
 def _watch(pid: int, ended: threading.Event) -> Peak:
     anonymous = mapped = 0.0
     while not ended.wait(INTERVAL):
-        sizes = _resident(pid)
+        try:
+            lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
+        except (FileNotFoundError, ProcessLookupError):  # it has ended
+            continue
+        fields = (line.split() for line in lines if line.startswith("Rss"))
+        sizes = {name.rstrip(":"): float(size) / 1024 for name, size, *_ in fields}
         anonymous = max(anonymous, sizes.get("RssAnon", 0.0))
         mapped = max(mapped, sizes.get("RssFile", 0.0) + sizes.get("RssShmem", 0.0))
     return Peak(round(anonymous), round(mapped))
 
 
-def _resident(pid: int) -> dict[str, float]:
-    """Resident memory of a process by kind, MiB; empty once it has ended."""
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
-    except (FileNotFoundError, ProcessLookupError):
-        return {}
-    fields = (line.split() for line in lines if line.startswith("Rss"))
-    return {name.rstrip(":"): float(size) / 1024 for name, size, *_ in fields}
+def chromium() -> str:
+    """The distribution's Chromium.
+
+    Raises:
+        SystemExit: there is none.
+    """
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if found is None:
+        raise SystemExit("no Chromium found: install the distribution's, such as apt-get install chromium")
+    return found
 
 
 def machine() -> dict[str, Any]:

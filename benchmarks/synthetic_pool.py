@@ -9,7 +9,7 @@ import shutil
 import signal
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,9 +55,8 @@ def temporary_folder(parent: Path | None, size: int) -> Iterator[Path]:
     free = shutil.disk_usage(place).free
     if free < size:
         raise SystemExit(f"{place}: {free / 1e9:.0f} GB are free, expected {size / 1e9:.0f} GB: use --folder")
-    before = signal.signal(
-        signal.SIGTERM, lambda *_: sys.exit("terminated")
-    )  # so that it is removed then, too
+    # So that it is removed then, too.
+    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit("terminated"))
     try:
         with tempfile.TemporaryDirectory(dir=place, prefix="sfkit-pool-") as name:
             yield Path(name)
@@ -93,19 +92,25 @@ def file_size(shape: PoolShape) -> int:
 def write_checkpoints(folder: Path, shape: PoolShape) -> None:
     """``base.pth`` and ``s00.pth``, ``s01.pth``, ... in the layout that published checkpoints have."""
     base = base_state(shape)
-    _save(base, folder / "base.pth")
+    torch.save(_published(base), folder / "base.pth")
     for number in range(shape.sources):
-        _save(_fine_tuned(base, shape.frozen, number + 1), folder / f"s{number:02}.pth")
+        moved = _fine_tuned(base, shape.frozen, number + 1)
+        torch.save(_published(moved), folder / f"s{number:02}.pth")
 
 
 def describe(folder: Path, shape: PoolShape, sources: int) -> Path:
     """A ``pool.toml`` over the first so many sources."""
-    options = [f"{key} = {json.dumps(value)}" for key, value in shape.options.items()]
-    lines = [f'name = "synthetic-{sources}"', f'architecture = "{shape.architecture}"', "[options]", *options]
+    names = [f"s{number:02}" for number in range(sources)]
+    return pool_file(folder / f"pool{sources}.toml", shape.architecture, shape.options, names)
+
+
+def pool_file(path: Path, kind: str, options: Mapping[str, Any], sources: Sequence[str]) -> Path:
+    """Write a pool file beside ``base.pth`` and ``NAME.pth`` of each source."""
+    lines = [f'name = "{path.stem}"', f'architecture = "{kind}"', "[options]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in options.items()]
     lines += ["[base]", 'file = "base.pth"']
-    for number in range(sources):
-        lines += [f"[sources.s{number:02}]", f'file = "s{number:02}.pth"']
-    path = folder / f"pool{sources}.toml"
+    for name in sources:
+        lines += [f"[sources.{name}]", f'file = "{name}.pth"']
     path.write_text("\n".join(lines), encoding="utf-8")
     return path
 
@@ -120,8 +125,8 @@ def forget_pages(folder: Path) -> None:
             os.posix_fadvise(stream.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def _save(state: Mapping[str, torch.Tensor], path: Path) -> None:
-    torch.save({"model": dict(state), "global_step": 0, "epoch": 0}, path)
+def _published(state: Mapping[str, torch.Tensor]) -> dict[str, Any]:
+    return {"model": dict(state), "global_step": 0, "epoch": 0}
 
 
 def _fine_tuned(base: Mapping[str, torch.Tensor], frozen: str | None, seed: int) -> dict[str, torch.Tensor]:
@@ -136,10 +141,7 @@ def _fine_tuned(base: Mapping[str, torch.Tensor], frozen: str | None, seed: int)
         if place not in moved:
             scale = STEP * math.sqrt(float(value.square().mean())) + 1e-4
             noise = torch.randn(value.shape, generator=generator)
-            moved[place] = value * torch.exp(STEP * noise) if _is_variance(key) else value + scale * noise
+            variance = key.endswith("running_var")
+            moved[place] = value * torch.exp(STEP * noise) if variance else value + scale * noise
         state[key] = moved[place]
     return state
-
-
-def _is_variance(key: str) -> bool:
-    return key.endswith("running_var")

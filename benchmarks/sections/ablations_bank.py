@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pandas as pd
-from commands import sfkit
-from full_report import markdown
+from processes import sfkit
 from sections import report_bank as setting
+from tabulated import markdown
 
 
 def section() -> str:

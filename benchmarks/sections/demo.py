@@ -7,8 +7,8 @@ import shutil
 from pathlib import Path
 
 import pandas as pd
-from commands import sfkit
-from full_report import markdown
+from processes import sfkit
+from tabulated import markdown
 
 from sfkit.bank.demo import TEST_PAIRS
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import torch
-from commands import sfkit as command
+from processes import sfkit as command
 
 import sfkit
 from sfkit.analysis.tables import markdown_lines

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pandas as pd
-from commands import sfkit as command
-from full_report import markdown
 from kept import RUNS
+from processes import sfkit as command
+from tabulated import markdown
 
 from sfkit import bank
 from sfkit.bank.sharp import JOINT, SOURCE_SETTINGS

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pandas as pd
 from census import FRAMES
-from commands import sfkit as command
-from full_report import markdown
+from processes import sfkit as command
 from real_pairs import gather
+from tabulated import markdown
 
 import sfkit
 from sfkit.checkpoints.spec import read_pool_spec

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bigpool import PLANS, measure, table
+from bigpool import measure, table
 from processes import shown
 
 DOCUMENT = "benchmarks/README.md"
@@ -10,7 +10,7 @@ DOCUMENT = "benchmarks/README.md"
 
 def section() -> str:
     """The table."""
-    result = measure(PLANS["nmrf-swint"])
+    result = measure("nmrf-swint")
     most = max(row["anonymous_mb"] for row in result["rows"] if row["step"] != "average")
     return f"""## Eleven NMRF Swin-T sources
 

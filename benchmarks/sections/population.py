@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from exhaustive import SubsetScores, subset_scores
-from full_report import markdown
 from landscapes import Landscape
+from tabulated import markdown
 
 from sfkit.analysis import PopulationSizes, population_sizes
 from sfkit.evaluation.outcome import Outcome

@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 
 import pandas as pd
-from commands import sfkit
-from full_report import markdown
+from processes import sfkit
+from tabulated import markdown
 
 ROOT = Path(__file__).parents[2]
 PAIRS = {"motorcycle": "npz:arr_0", "cones": "png8:4", "reindeer": "png8:2"}

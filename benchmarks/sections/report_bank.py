@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-from full_report import markdown
+from tabulated import markdown
 
 import sfkit
 from sfkit import analysis, bank

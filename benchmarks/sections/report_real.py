@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
-from full_report import markdown
 from real_pairs import SIZE, gather
+from tabulated import markdown
 
 import sfkit
 from sfkit import analysis, baselines

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
-from commands import sfkit
-from full_report import markdown
+from processes import sfkit
+from tabulated import markdown
 
 ROOT = Path(__file__).parents[2]
 

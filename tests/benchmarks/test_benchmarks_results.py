@@ -91,7 +91,7 @@ def test_pool_rows_become_a_table(results: ModuleType) -> None:
 
 def test_a_table_in_a_document_has_whole_numbers_decimals_and_dashes(results: ModuleType) -> None:
     frame = pd.DataFrame({"a": [1.0, None], "n": [1200, 3], "t": ["x", "y"]}, index=pd.Index(["one", "two"]))
-    markdown = importlib.import_module("full_report").markdown
+    markdown = importlib.import_module("tabulated").markdown
     assert markdown(frame.rename_axis("bench")).splitlines() == [
         "| bench | a | n | t |",
         "| --- | --: | --: | --- |",
@@ -126,7 +126,7 @@ def test_a_shape_is_compared_with_the_published_keys(
 ) -> None:
     monkeypatch.setenv("SFKIT_GOLDENS", str(shipped_goldens))
     pools, plan = importlib.import_module("synthetic_pool"), importlib.import_module("bigpool").PLANS
-    shape = plan["nmrf-swint"].shape
+    shape, *_ = plan["nmrf-swint"]
     assert sum(tensor.nbytes for tensor in pools.base_state(shape).values()) == pools.file_size(shape)
     other = pools.PoolShape("nmrf-res", sources=1, published=shape.published)
     with pytest.raises(SystemExit, match=r"nmrf_swint_keys\.json: lists other keys or shapes"):

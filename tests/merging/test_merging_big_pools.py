@@ -160,7 +160,7 @@ def test_nothing_and_whole_numbers_are_finite() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="memory by kind is read from /proc: run it on Linux")
 def test_the_benchmark_measures_checks_and_cleans_up(tmp_path: Path) -> None:
     """The whole of ``benchmarks/bigpool.py`` on a small network: figures are there, files are not."""
-    command = [sys.executable, str(ROOT / "benchmarks" / "bigpool.py"), "--quick", "--json"]
+    command = [sys.executable, str(ROOT / "benchmarks" / "bigpool.py"), "quick", "--json"]
     finished = subprocess.run(
         [*command, "--folder", str(tmp_path)],
         capture_output=True,

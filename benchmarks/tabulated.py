@@ -1,11 +1,18 @@
-"""Tables of the full report, for the sections that record it."""
+"""Tables of the documents: frames, and rows of text and numbers."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pandas as pd
 
 from sfkit.analysis.tables import markdown_lines
+
+
+def numbers(heads: Sequence[str], rows: Iterable[Sequence[object]], texts: int = 1) -> str:
+    """Rows as Markdown, as they are; all but the first ``texts`` columns are numbers and stand right."""
+    return markdown_lines(heads, rows, [number >= texts for number in range(len(heads))])
 
 
 def markdown(table: pd.DataFrame, digits: int = 2) -> str:
@@ -15,9 +22,9 @@ def markdown(table: pd.DataFrame, digits: int = 2) -> str:
     # Column by column: a whole number stays one beside columns of fractions.
     cells = zip(*([_cell(v, digits) for v in table.iloc[:, n]] for n in range(table.shape[1])), strict=True)
     plain = pd.api.types
-    numbers = [plain.is_numeric_dtype(k) and not plain.is_bool_dtype(k) for k in table.dtypes]
+    right = [plain.is_numeric_dtype(k) and not plain.is_bool_dtype(k) for k in table.dtypes]
     rows = [[*name, *row] for name, row in zip(names, cells, strict=True)]
-    return markdown_lines(head, rows, [False] * table.index.nlevels + numbers)
+    return markdown_lines(head, rows, [False] * table.index.nlevels + right)
 
 
 def _heading(column: object) -> str:
