@@ -2,19 +2,23 @@
 
     python benchmarks/evidence.py --minutes 60        # go on with what is missing, at most so long
     python benchmarks/evidence.py --list              # what there is to do, and what is done
-    python benchmarks/results.py evidence             # write what is there into docs/results.md
+    python benchmarks/evidence.py --sharp guards-05   # on the sharp bank, at smaller budgets
+    python benchmarks/results.py evidence evidence-sharp    # write what is there into docs/results.md
 
 Every evaluation goes through a store, so that a run can be interrupted at any moment; finished comparisons
-are kept as CSV files beside it. The embedded bank's pairs are rendered; the real pool needs SFKIT_REAL_DATA.
+are kept as CSV files beside it. The embedded banks' pairs are rendered; the real pool needs SFKIT_REAL_DATA.
 """
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
+from functools import partial
 
 import evidence_bank
 import evidence_real
 import pandas as pd
+from evidence_bank import FIRST, SHARP, Study
 from kept import RUNS, Job, KeptRuns
 from trials import with_changes
 
@@ -23,9 +27,11 @@ from sfkit.bank import VALIDATION
 from sfkit.evaluation.separation import marked
 
 
-def jobs() -> dict[str, Job]:
+def jobs(study: Study = FIRST) -> dict[str, Job]:
     """Every comparison by name, in the order they are run: the first seed of each first."""
-    found = {**evidence_bank.jobs(), **evidence_real.jobs()}
+    found = evidence_bank.jobs(study)
+    if study is FIRST:
+        found |= evidence_real.jobs()
     return dict(sorted(found.items(), key=lambda job: _turn(job[0])))
 
 
@@ -34,7 +40,12 @@ def _turn(name: str) -> int:
     return int(name.rpartition("-")[2]) + name.startswith(("guards-20", "guards-40"))
 
 
-kept = KeptRuns(__doc__, jobs, RUNS)
+def kept_of(study: Study = FIRST) -> KeptRuns:
+    """The comparisons of a study, those of the sharp bank in a folder of their own."""
+    return KeptRuns(__doc__, partial(jobs, study), RUNS if study is FIRST else RUNS / "sharp")
+
+
+kept = kept_of()
 
 
 def section() -> str:
@@ -43,36 +54,50 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    if not any(kept.done(name).is_file() for name in jobs()):
+    return written(FIRST, kept, HEAD)
+
+
+def written(study: Study, kept: KeptRuns, head: str) -> str:
+    """The tables of a study below what its section begins with.
+
+    Raises:
+        SystemExit: nothing of it is finished.
+    """
+    if not any(kept.done(name).is_file() for name in kept.jobs()):
         raise SystemExit("nothing is finished yet: run python benchmarks/evidence.py first (hours)")
-    parts = [
-        HEAD,
-        _guards(),
-        _course(),
-        _routing("routing", ROUTING),
-        _routing("partitions", PARTITIONS),
-        _real(),
+    guards = kept.results("guards-")
+    parts = [head + _budgets(study), _guards(guards, study), _course(guards)]
+    parts += [
+        _routing(kept.results(f"{prefix}-"), text.format(pairs=study.routing_pairs), study)
+        for prefix, text in (("routing", ROUTING), ("partitions", PARTITIONS))
     ]
-    return "\n\n".join(part for part in parts if part)
+    return "\n\n".join(part for part in [*parts, _real(kept.results("real-"))] if part)
 
 
-LISTED = ", ".join(f"`{name}`" for name in evidence_bank.WORLDS)
-HEAD = f"""## Does Stage 2 help on pairs it never saw?
+HEAD = """## Does Stage 2 help on pairs it never saw?
 
 `python benchmarks/evidence.py` runs the comparisons (hours on an idle machine) and goes on where it was.
 On the embedded bank both stages are guided by pairs of `courtyard`, drawn anew for each seed: Stage 1 with
-M = {evidence_bank.POPULATION} and T = {evidence_bank.GENERATIONS}, Stage 2 with {evidence_bank.EVALUATIONS}
+"""
+LISTED = ", ".join(f"`{name}`" for name in evidence_bank.WORLDS)
+
+
+def _budgets(study: Study) -> str:
+    stage1 = f"M = {evidence_bank.POPULATION} and T = {evidence_bank.GENERATIONS}"
+    return f"""{stage1}, Stage 2 with {study.evaluations}
 evaluations. Changes are against Stage 1's equal weights, x = 0, in points of bad-3.0;
-**below 0 is better**. "New pairs" are {evidence_bank.UNSEEN_PAIRS} other pairs of `courtyard`, "other worlds"
-the mean over {evidence_bank.UNSEEN_PAIRS} pairs each of {LISTED}; no search saw either. In brackets: how many
+**below 0 is better**. "New pairs" are {study.unseen} other pairs of `courtyard`, "other worlds"
+the mean over {study.unseen} pairs each of {LISTED}; no search saw either. In brackets: how many
 runs are better than Stage 1 there, of all runs. Distance is the mean square of x."""
-ROUTING = f"""### Tied, low-rank and block-specific routing
 
-One budget, {evidence_bank.ROUTING_PAIRS} validation pairs; entropy is the weight of the penalty (eq. 13)
+
+ROUTING = """### Tied, low-rank and block-specific routing
+
+One budget, {pairs} validation pairs; entropy is the weight of the penalty (eq. 13)
 in points a nat."""
-PARTITIONS = f"""### The architecture's blocks, and blocks from the network itself
+PARTITIONS = """### The architecture's blocks, and blocks from the network itself
 
-One budget, {evidence_bank.ROUTING_PAIRS} validation pairs, four blocks each: AnyNet's own, the module tree
+One budget, {pairs} validation pairs, four blocks each: AnyNet's own, the module tree
 cut into parts of equal size, and layers clustered by how the task vectors disagree."""
 GUARDS = """### Plain and guarded, by the number of validation pairs
 
@@ -82,20 +107,18 @@ COURSE = """### The plain search on its way
 What it would have returned after so many evaluations."""
 
 
-def _guards() -> str:
-    frame = _ends(kept.results("guards-"))
+def _guards(frame: pd.DataFrame, study: Study) -> str:
     if frame.empty:
         return ""
     rows = [
         (pairs, trial, *_columns(part))
-        for pairs, group in frame.groupby("pairs")
+        for pairs, group in _ends(frame, study).groupby("pairs")
         for trial, part in group.groupby("trial", sort=False)
     ]
     return f"{GUARDS}\n\n{markdown_lines(('pairs', 'Stage 2', *COLUMNS), rows)}"
 
 
-def _course() -> str:
-    frame = kept.results("guards-")
+def _course(frame: pd.DataFrame) -> str:
     if frame.empty:
         return ""
     frame = _changed(frame[frame["trial"] == "plain"])
@@ -105,16 +128,14 @@ def _course() -> str:
     return f"{COURSE}\n\n{markdown_lines(('pairs', 'evaluations', *COLUMNS), rows)}"
 
 
-def _routing(prefix: str, text: str) -> str:
-    frame = _ends(kept.results(f"{prefix}-"))
+def _routing(frame: pd.DataFrame, text: str, study: Study) -> str:
     if frame.empty:
         return ""
-    rows = [(trial, *_columns(part)) for trial, part in frame.groupby("trial", sort=False)]
+    rows = [(trial, *_columns(part)) for trial, part in _ends(frame, study).groupby("trial", sort=False)]
     return f"{text}\n\n{markdown_lines(('Stage 2', *COLUMNS), rows)}"
 
 
-def _real() -> str:
-    frame = kept.results("real-")
+def _real(frame: pd.DataFrame) -> str:
     if frame.empty:
         return ""
     frame = frame[frame["evaluations"] == evidence_real.EVALUATIONS]
@@ -140,8 +161,8 @@ out one data set each. KITTI 2012's pair belongs to the training images of these
 COLUMNS = ("validation", "new pairs", "other worlds", "distance")
 
 
-def _ends(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame if frame.empty else _changed(frame[frame["evaluations"] == evidence_bank.EVALUATIONS])
+def _ends(frame: pd.DataFrame, study: Study) -> pd.DataFrame:
+    return _changed(frame[frame["evaluations"] == study.evaluations])
 
 
 def _changed(frame: pd.DataFrame) -> pd.DataFrame:
@@ -157,4 +178,7 @@ def _columns(part: pd.DataFrame) -> tuple[str, str, str, str]:
 
 
 if __name__ == "__main__":
-    kept.main()
+    asked = argparse.ArgumentParser(add_help=False)
+    asked.add_argument("--sharp", action="store_true")
+    options, rest = asked.parse_known_args()
+    kept_of(SHARP if options.sharp else FIRST).main(rest)

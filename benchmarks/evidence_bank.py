@@ -1,9 +1,10 @@
-"""The comparisons on the embedded bank: guards at several numbers of validation pairs."""
+"""The comparisons on the embedded banks: guards at several numbers of validation pairs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import lru_cache, partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,113 +15,146 @@ from trials import Trial, run_trials
 
 import sfkit
 from sfkit.bank import VALIDATION, benchmark, benchmarks
+from sfkit.bank.plan import bank_plan
 from sfkit.bank.rendered import RenderedPair
 from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
 from sfkit.merging.partitions import WAYS, auto_partition
 
 WORLDS = [name for name in benchmarks() if name != VALIDATION]
-EVALUATIONS = 300
 POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
-UNSEEN_PAIRS = 20
-MARKS = (40, 80, 150)
-ROUTING_PAIRS = 10
-SEEDS = {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}
-"""Validation pairs -> how many draws of pairs and searches; more cost too much on two cores."""
 
 
-def jobs() -> dict[str, Job]:
-    """Name -> comparison on the bank, the first seed of each first."""
+@dataclass(frozen=True)
+class Study:
+    """A bank, and how much is spent on comparing the ways to run Stage 2 there.
+
+    Attributes:
+        bank: its name.
+        evaluations: of every Stage 2.
+        unseen: pairs of every world that judge.
+        marks: evaluations after which the plain search is judged on its way.
+        seeds: validation pairs -> draws of pairs and searches; more cost too much on two cores.
+        ways: the ways to run Stage 2 that are compared, of those in :func:`trials`.
+        routing_pairs: that guide tied and block-specific routing, and the ways to cut into blocks.
+        routing_seeds: draws of these.
+    """
+
+    bank: str
+    evaluations: int
+    unseen: int
+    marks: tuple[int, ...]
+    seeds: Mapping[int, int]
+    ways: tuple[str, ...]
+    routing_pairs: int
+    routing_seeds: int
+
+
+FEW = ("plain", "plain, x / 2", "shrinkage 0.05", "hold-out 1/2")
+WAYS_TO_GUARD = (*FEW, "4 folds", "entropy 0.5")
+FIRST = Study("bank", 300, 20, (40, 80, 150), {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}, WAYS_TO_GUARD, 10, 3)
+SHARP = Study("bank-sharp", 60, 8, (20, 40), {2: 10, 5: 10, 10: 4}, FEW, 5, 2)
+
+
+def jobs(study: Study = FIRST) -> dict[str, Job]:
+    """Name -> comparison on a bank, the first seed of each first."""
     found: dict[str, Job] = {}
-    for seed in range(max(SEEDS.values())):
-        for pairs, count in SEEDS.items():
+    for seed in range(max(study.seeds.values())):
+        for pairs, count in study.seeds.items():
             if seed < count:
-                found[f"guards-{pairs:02d}-{seed}"] = partial(compared, pairs, seed, trials(pairs), MARKS)
-        if seed < 3:
-            found[f"routing-{seed}"] = partial(compared, ROUTING_PAIRS, seed, routings(), ())
-            found[f"partitions-{seed}"] = partial(partitions, seed)
+                ways = [way for way in trials(pairs, study.evaluations) if way.name in study.ways]
+                found[f"guards-{pairs:02d}-{seed}"] = partial(compared, study, pairs, seed, ways, study.marks)
+        if seed < study.routing_seeds:
+            ways = routings(study.evaluations)
+            found[f"routing-{seed}"] = partial(compared, study, study.routing_pairs, seed, ways, ())
+            found[f"partitions-{seed}"] = partial(partitions, study, seed)
     return found
 
 
-def settings(**kind: Any) -> sfkit.RoutingSettings:
+def settings(evaluations: int, **kind: Any) -> sfkit.RoutingSettings:
     """Of Stage 2, by whose budget all ways are run."""
-    return sfkit.RoutingSettings(evaluations=EVALUATIONS, converge=False, **kind)
+    return sfkit.RoutingSettings(evaluations=evaluations, converge=False, **kind)
 
 
-def trials(pairs: int) -> list[Trial]:
+def trials(pairs: int, evaluations: int) -> list[Trial]:
     """The ways to run Stage 2 with so many validation pairs."""
-    found = [Trial("plain", settings()), Trial("plain, x / 2", settings(), shorten=0.5)]
-    found.append(Trial("shrinkage 0.05", settings(shrinkage=0.05)))
+    of = partial(settings, evaluations)
+    found = [Trial("plain", of()), Trial("plain, x / 2", of(), shorten=0.5)]
+    found.append(Trial("shrinkage 0.05", of(shrinkage=0.05)))
     if pairs >= 4:
-        found.append(Trial("hold-out 1/2", settings(holdout=0.5)))
+        found.append(Trial("hold-out 1/2", of(holdout=0.5)))
     if 4 <= pairs <= 10:
-        found += [Trial("4 folds", settings(holdout=4)), Trial("entropy 0.5", settings(entropy=0.5))]
+        found += [Trial("4 folds", of(holdout=4)), Trial("entropy 0.5", of(entropy=0.5))]
     return found
 
 
-def routings() -> list[Trial]:
+def routings(evaluations: int) -> list[Trial]:
     """Tied, low-rank and block-specific routing at one budget, the last with the entropy penalty as well."""
+    of = partial(settings, evaluations)
     return [
-        Trial("tied", settings()),
-        Trial("rank 1", settings(tied=False, rank=1)),
-        Trial("rank 2", settings(tied=False, rank=2)),
-        Trial("block-specific", settings(tied=False)),
-        Trial("block-specific, entropy 0.5", settings(tied=False, entropy=0.5)),
-        Trial("tied, entropy 0.5", settings(entropy=0.5)),
+        Trial("tied", of()),
+        Trial("rank 1", of(tied=False, rank=1)),
+        Trial("rank 2", of(tied=False, rank=2)),
+        Trial("block-specific", of(tied=False)),
+        Trial("block-specific, entropy 0.5", of(tied=False, entropy=0.5)),
+        Trial("tied, entropy 0.5", of(entropy=0.5)),
     ]
 
 
-def partitions(seed: int, folder: Path) -> pd.DataFrame:
+def partitions(study: Study, seed: int, folder: Path) -> pd.DataFrame:
     """The architecture's blocks and those made from the network itself, tied and block-specific."""
-    ways = {"architecture's": None, **{by: auto_partition(opened(), by=by) for by in WAYS}}
+    ways = {"architecture's": None, **{by: auto_partition(opened(study.bank), by=by) for by in WAYS}}
     kinds = {"tied": True, "block-specific": False}
     ours = [
-        Trial(f"{way}, {kind}", settings(tied=tied), partition=partition)
+        Trial(f"{way}, {kind}", settings(study.evaluations, tied=tied), partition=partition)
         for way, partition in ways.items()
         for kind, tied in kinds.items()
     ]
-    return compared(ROUTING_PAIRS, seed, ours, (), folder)
+    return compared(study, study.routing_pairs, seed, ours, (), folder)
 
 
 def compared(
-    pairs: int, seed: int, ways: Sequence[Trial], marks: Sequence[int], folder: Path
+    study: Study, pairs: int, seed: int, ways: Sequence[Trial], marks: Sequence[int], folder: Path
 ) -> pd.DataFrame:
     """Both stages guided by ``pairs`` pairs of the validation world, drawn by the seed."""
-    pool = opened()
+    pool = opened(study.bank)
     with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
-        scorer = sfkit.Evaluator(pool, drawn(pairs, seed), store=store)
+        scorer = sfkit.Evaluator(pool, drawn(study.bank, pairs, seed), store=store)
         stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
         subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
-        judges = {name: unseen.with_store(store) for name, unseen in unseen_evaluators().items()}
+        unseen = unseen_evaluators(study.bank, study.unseen)
+        judges = {name: judge.with_store(store) for name, judge in unseen.items()}
         table = run_trials(ways, pool, subset, scorer, judges, seeds=(seed,), marks=marks)
     table.insert(0, "pairs", pairs)
     table["subset"] = "+".join(subset)
     return table
 
 
-def drawn(pairs: int, seed: int) -> Benchmark:
+@cache
+def opened(bank: str) -> Pool:
+    """The bank of that name."""
+    return sfkit.open_pool(bank)
+
+
+@cache
+def unseen_evaluators(bank: str, count: int) -> dict[str, sfkit.Evaluator]:
+    """So many new pairs of the validation world, under its name, then of the other worlds."""
+    judged = {VALIDATION: new_pairs(bank, count)}
+    judged |= {name: world(bank, name).first(count) for name in WORLDS}
+    return {name: sfkit.Evaluator(opened(bank), judge) for name, judge in judged.items()}
+
+
+def drawn(bank: str, pairs: int, seed: int) -> Benchmark:
     """Pairs of the validation world, drawn by the seed."""
-    order = np.random.default_rng([seed, 7]).permutation(40)
-    return benchmark(VALIDATION).select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
+    known = world(bank, VALIDATION)
+    order = np.random.default_rng([seed, 7]).permutation(len(known))
+    return known.select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
 
 
-@lru_cache
-def opened() -> Pool:
-    """The bank."""
-    return sfkit.open_pool("bank")
-
-
-@lru_cache
-def unseen_evaluators() -> dict[str, sfkit.Evaluator]:
-    """New pairs of the validation world, under its name, then the other worlds'."""
-    judged = {VALIDATION: new_pairs(), **{name: benchmark(name).first(UNSEEN_PAIRS) for name in WORLDS}}
-    return {name: sfkit.Evaluator(opened(), judge) for name, judge in judged.items()}
-
-
-def new_pairs() -> Benchmark:
+def new_pairs(bank: str, count: int) -> Benchmark:
     """Pairs of the validation world beyond the 40 of its benchmark."""
-    known = benchmark(VALIDATION)
-    pairs = tuple(RenderedPair(VALIDATION, len(known) + n) for n in range(UNSEEN_PAIRS))
+    known = world(bank, VALIDATION)
+    pairs = tuple(RenderedPair(VALIDATION, len(known) + n) for n in range(count))
     return Benchmark(
         name=f"{VALIDATION}-new",
         family=known.family,
@@ -128,3 +162,8 @@ def new_pairs() -> Benchmark:
         protocol=known.protocol,
         metric=known.metric,
     )
+
+
+def world(bank: str, name: str) -> Benchmark:
+    """A world's benchmark as the bank's pool is scored on it."""
+    return benchmark(name, of=bank_plan(bank).benchmarks)

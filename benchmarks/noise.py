@@ -2,9 +2,10 @@
 
     python benchmarks/noise.py --minutes 10           # go on with what is missing, at most so long
     python benchmarks/noise.py racing                 # a part of it
-    python benchmarks/results.py noise                # write what is there into docs/results.md
+    python benchmarks/noise.py --pool bank-sharp      # on another bank whose subsets are all scored
+    python benchmarks/results.py noise noise-sharp    # write what is there into docs/results.md
 
-Noise: Stage 1's evaluations in the comparisons of Stage 2 (``stage2.py``, whose store has them) teach two
+Noise: Stage 1's evaluations (of the first bank ``stage2.py``'s store has them) teach two
 models on all windows but one and foretell the scores on that one. Both have the same length scales; one takes
 the noise to be equal everywhere, the other as large as the spread over images of the difference to the best,
 for each merge. Racing: on the scores of all subsets a search scores 8 pairs of 20, and finishes the 12 others
@@ -13,17 +14,19 @@ of its most promising subsets alone.
 
 from __future__ import annotations
 
+import argparse
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from bayesian import search_of
+from exhaustive import subset_scores, table_path
 from kept import RUNS, Job, KeptRuns
 from landscapes import Landscape
-from optimum import landscape
-from stage2_worlds import BANK, store_in, world
+from stage2_worlds import BANK, Together, bank_pairs, store_in
 
+import sfkit
 from sfkit.analysis.tables import markdown_lines
 from sfkit.evaluation import Evaluator
 from sfkit.search.gaussian_process import NOISES, Array, GaussianProcess, distances, fit, matern
@@ -37,18 +40,19 @@ QUICK = 8 / 20
 """What the first 8 pairs cost of an evaluation on all."""
 
 
-def jobs() -> dict[str, Job]:
+def jobs(bank: str = BANK) -> dict[str, Job]:
     """Name -> job."""
-    found: dict[str, Job] = {f"racing-{seed:02d}": partial(racing, seed) for seed in range(SEEDS)}
-    return found | {f"images-{seed:02d}": partial(images, seed) for seed in range(WORLDS)}
+    found: dict[str, Job] = {f"racing-{seed:02d}": partial(racing, bank, seed) for seed in range(SEEDS)}
+    return found | {f"images-{seed:02d}": partial(images, bank, seed) for seed in range(WORLDS)}
 
 
-def racing(seed: int, _: Path) -> pd.DataFrame:
+def racing(bank: str, seed: int, _: Path) -> pd.DataFrame:
     """A row a cost and number of subsets that are finished: the regret on 20 pairs of what is returned.
 
     With ``finished`` 0 every subset is scored on all 20 pairs.
     """
-    whole, quick = landscape(20), landscape(8)
+    table = subset_scores(table_path(bank))
+    whole, quick = Landscape(table), Landscape(table, quick=True)
     orders = {land: evaluated(land, seed) for land in (whole, quick)}
     rows = []
     for passes in PASSES:
@@ -73,16 +77,19 @@ def evaluated(land: Landscape, seed: int) -> list[int]:
     return [sum(1 << search.sources.index(source) for source in c.subset) for c in search.candidates]
 
 
-def images(seed: int, folder: Path) -> pd.DataFrame:
+def images(bank: str, seed: int, folder: Path) -> pd.DataFrame:
     """A row a window left out: how far both models' means are from its scores.
 
     ``correlation`` is over the merges, ``regret`` of the merge with the smallest mean, in points.
     """
-    with store_in(RUNS / "stage2") as store:
-        place = world(BANK, seed, store)
-        alone = [c for c in place.stage1.candidates if not c.repeated]
-        table = np.array([scores(place.scorer.evaluator, c.outcome.key) for c in alone])  # (merges, windows)
-    points = recipe_features((c.recipe for c in alone), place.pool.names, place.pool.blocks)[:1]
+    pool, settings = sfkit.open_pool(bank), sfkit.BayesianSubsetSettings(seed=seed)
+    with store_in(RUNS / "stage2" if bank == BANK else folder) as store:
+        evaluator = sfkit.Evaluator(pool, bank_pairs(seed), store=store)
+        search = sfkit.BayesianSubsetSearch(pool.names, pool.blocks, Together(evaluator), settings)
+        search.run()
+        alone = [c for c in search.candidates if not c.repeated]
+        table = np.array([scores(evaluator, c.outcome.key) for c in alone])  # (merges, windows)
+    points = recipe_features((c.recipe for c in alone), pool.names, pool.blocks)[:1]
     rows = []
     for out in range(table.shape[1]):
         seen, unseen = np.delete(table, out, axis=1), table[:, out]
@@ -126,7 +133,12 @@ def posterior_mean(
     return np.asarray(max(found, key=lambda one: one[0])[1])
 
 
-kept = KeptRuns(__doc__, jobs, RUNS / "noise")
+def kept_of(bank: str = BANK) -> KeptRuns:
+    """The runs on a bank, those of another than the first in a folder of their own."""
+    return KeptRuns(__doc__, partial(jobs, bank), RUNS / ("noise" if bank == BANK else f"noise-{bank}"))
+
+
+kept = kept_of()
 
 
 HEAD = """## Does a model gain from knowing how noisy scores are?
@@ -153,15 +165,23 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    parts = [part for part in (images_table(), racing_table()) if part]
-    if not parts:
+    return written(kept, HEAD)
+
+
+def written(kept: KeptRuns, head: str) -> str:
+    """The tables of finished runs below what their section begins with.
+
+    Raises:
+        SystemExit: nothing is finished.
+    """
+    parts = [images_table(kept.results("images-")), racing_table(kept.results("racing-"))]
+    if not any(parts):
         raise SystemExit("nothing is finished yet: run python benchmarks/noise.py first")
-    return "\n\n".join([HEAD, *parts])
+    return "\n\n".join([head, *filter(None, parts)])
 
 
-def images_table() -> str:
+def images_table(frame: pd.DataFrame) -> str:
     """A row a kind of noise; nothing where none is finished."""
-    frame = kept.results("images-")
     if frame.empty:
         return ""
     means = frame.groupby("noise", sort=False)[["correlation", "regret"]].mean()
@@ -170,9 +190,8 @@ def images_table() -> str:
     return f"{text}\n\n{markdown_lines(('noise', 'rank correlation', 'regret'), rows)}"
 
 
-def racing_table() -> str:
+def racing_table(frame: pd.DataFrame) -> str:
     """A row a number of subsets that are finished; nothing where none is finished."""
-    frame = kept.results("racing-")
     if frame.empty:
         return ""
     costs = sorted(frame["passes"].unique())
@@ -186,4 +205,7 @@ def racing_table() -> str:
 
 
 if __name__ == "__main__":
-    kept.main()
+    asked = argparse.ArgumentParser(add_help=False)
+    asked.add_argument("--pool", default=BANK)
+    options, rest = asked.parse_known_args()
+    kept_of(options.pool).main(rest)

@@ -21,7 +21,7 @@ from sfkit.checkpoints.spec import Member
 from sfkit.training.finetune import read_training
 
 DATA = bank.pool_path("bank-sharp").parent
-PAGE = Path(__file__).parents[2] / "docs" / "bank_sharp.md"
+PAGE = Path(__file__).parents[2] / "docs" / "bank.md"
 NETWORKS = SHARP.networks
 TRAININGS: dict[str, Any] = json.loads((DATA / "trainings.json").read_text())
 
@@ -85,7 +85,7 @@ def test_this_machine_renders_the_benchmarks_that_were_scored(name: str) -> None
 
 
 def test_two_halves_of_each_benchmark_rank_subsets_alike() -> None:
-    """Recorded by ``docs/bank_sharp_page.py``: at least 0.7 on each, at the number of pairs there are."""
+    """Recorded by ``docs/bank_page.py``: at least 0.7 on each, at the number of pairs there are."""
     section = PAGE.read_text(encoding="utf-8").split("## How alike two halves")[1].split("\n## ")[0]
     rows = [[c.strip() for c in line.strip("|").split("|")] for line in re.findall(r"^\|.*$", section, re.M)]
     assert rows[0][-1] == f"{SHARP.pairs} pairs"

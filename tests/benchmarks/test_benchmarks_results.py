@@ -175,7 +175,7 @@ def test_evidence_is_what_finished_comparisons_say(
     results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evidence, bank = (importlib.import_module(name) for name in ("evidence", "evidence_bank"))
-    end = bank.EVALUATIONS
+    end = bank.FIRST.evaluations
     monkeypatch.setattr(evidence, "kept", replace(evidence.kept, folder=tmp_path))
     with pytest.raises(SystemExit, match="nothing is finished yet"):
         evidence.section()

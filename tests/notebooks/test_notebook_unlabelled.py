@@ -33,7 +33,7 @@ def run(folder: Path, **parameters: Any) -> tuple[pd.DataFrame, str, str, int]:
 
 
 def test_in_haze_it_prefers_the_wrong_source(tmp_path: Path) -> None:
-    world = {"name": "bank:courtyard", "pairs": 1}
+    world = {"name": "bank-sharp:courtyard", "pairs": 1}
     table, said, complained, figures = run(tmp_path, benchmark_pairs=2, subsets=1, report_on=[world], seed=1)
     census, truth = (table[f"hazy-road (all-valid) {metric} [%] *"] for metric in ("census", "bad-3.0"))
     sources = [name for name in table.index if name in open_pool("bank").names]

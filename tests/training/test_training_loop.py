@@ -23,6 +23,7 @@ from sfkit.datasets.training_set import TrainingSet
 from sfkit.training import Augmentation, TrainingSettings
 from sfkit.training.finetune import finetune, read_training, training_folder
 from sfkit.training.loop import Course
+from sfkit.training.settings import Precision
 
 NAME, OPTIONS = "anynet", {"ranges": [2, 2, 2], "spn": False}
 STEPS = SETTINGS.steps(8)
@@ -92,6 +93,29 @@ def test_micro_batches_add_up_to_the_batch(base: Path, tmp_path: Path) -> None:
     parts = finetune(base, data, tmp_path / "b.safetensors", settings=replace(DIVIDED, micro_batch=1))
     # Sums in another order: AdamW divides by hardly more than rounding where a gradient is nearly zero.
     assert largest_difference(whole.path, parts.path) < 3e-5
+
+
+def test_bfloat16_computes_in_it_and_keeps_weights_and_repetition(base: Path, tmp_path: Path) -> None:
+    """Autocast, as on CUDA: passes in bfloat16, weights, their steps and what is written in float32."""
+    low, seen = replace(SETTINGS, precision=Precision.BFLOAT16), set()
+
+    def listen(module: torch.nn.Module, _: object, output: object) -> None:
+        if isinstance(module, torch.nn.Conv2d) and isinstance(output, torch.Tensor):
+            seen.add((output.dtype, module.weight.dtype))
+
+    handle = torch.nn.modules.module.register_module_forward_hook(listen)
+    try:
+        once = finetune(base, tiny_set(), tmp_path / "a.safetensors", settings=low)
+    finally:
+        handle.remove()
+    assert seen == {(torch.bfloat16, torch.float32)}
+    again = finetune(base, tiny_set(), tmp_path / "b.safetensors", settings=low)
+    assert once.path.read_bytes() == again.path.read_bytes()
+    whole = finetune(base, tiny_set(), tmp_path / "whole.safetensors", settings=SETTINGS)
+    types = [{tensor.dtype for tensor in load_file(one.path).values()} for one in (once, whole)]
+    assert types[0] == types[1]
+    assert once.loss == pytest.approx(whole.loss, rel=1e-2)
+    assert once.loss != whole.loss
 
 
 def test_two_processes_equal_one(base: Path, tmp_path: Path) -> None:
