@@ -118,7 +118,7 @@ def command(
             licence=licence,
             form=form,
             overwrite=force,
-            listen=progress(bars),
+            listen=progress(bars, chosen.batch),
         )
     # Every process of torchrun is here; one speaks.
     if int(os.environ.get("RANK", 0)) == 0:
@@ -146,14 +146,14 @@ def _told(source: TrainedSource) -> tuple[dict[str, Any], str]:
     return document, "\n".join(lines)
 
 
-def progress(bars: Bars) -> Callable[[Course], None]:
-    """Says loss, rate, pairs a second and the time left: in lines every ten steps."""
+def progress(bars: Bars, batch: int) -> Callable[[Course], None]:
+    """Says loss, rate, samples a second and the time left: in lines every ten steps of ``batch`` pairs."""
 
     def advance(course: Course) -> None:
         step, pace = course.last, course.seconds / course.done
         score = f", validation {course.scores[-1][1]:.2f}" if course.scores else ""
         note = f"loss {step.loss:.3f}, rate {step.rate:.1e}"
-        line = f"step {step.number} of {course.steps}: {note}, {pace:.2f} s a step, "
+        line = f"step {step.number} of {course.steps}: {note}, {batch / pace:.2f} samples a second, "
         line += f"{pace * (course.steps - course.done):.0f} s left{score}"
         told = not course.done % SHOWN_EVERY or course.done == course.steps
         bars("training", course.done, course.steps, note + score, line=line if told else None)

@@ -7,13 +7,16 @@ import re
 import sys
 import threading
 from pathlib import Path
+from typing import cast
 
 import pytest
 from cli_world import Shell, rename_sources
 from tiny import write_pairs, write_pool
 
 from sfkit.cli import terminal
+from sfkit.cli.finetune import progress
 from sfkit.cli.terminal import Bars, coloured, followed, say
+from sfkit.training.loop import Course
 
 ESCAPE = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
@@ -140,3 +143,11 @@ def test_a_search_moves_its_bar_with_every_network(
     assert re.search(r"Stage 1 100 % \|.*\| 8 of 8", text)
     assert re.search(r"Stage 2 100 % \|.*\| 4 of 4, .* best \d+\.\d{4} \(", text)
     assert "Stage 1, generation" not in text
+
+
+def test_a_training_says_loss_rate_samples_a_second_and_the_time_left() -> None:
+    told: list[str | None] = []
+    tell = progress(cast(Bars, lambda *_, line: told.append(line)), 8)
+    for done in (9, 10):
+        tell(Course(20, done, seconds=done / 2, curve=[[done, 1.5, 1.0, 2e-4]]))
+    assert told == [None, "step 10 of 20: loss 1.500, rate 2.0e-04, 16.00 samples a second, 5 s left"]
