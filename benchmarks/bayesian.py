@@ -16,8 +16,6 @@ from landscapes import Landscape
 from scale import simulate
 
 from sfkit.evaluation.known import Known
-from sfkit.evaluation.outcome import Outcome, Scorer
-from sfkit.merging.recipe import Recipe
 from sfkit.search import BayesianSubsetSearch, BayesianSubsetSettings, SubsetSearch, SubsetSettings
 from sfkit.search.base import Search
 from sfkit.search.records import SubsetCandidate
@@ -35,20 +33,10 @@ GROWN = (
 """Ways to search a pool that has gained a source."""
 
 
-def table_scorer(land: Landscape) -> Scorer:
-    """Looks every recipe's sources up in the table of scores."""
-
-    def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
-        masks = (sum(1 << land.names.index(source) for source in recipe.sources) for recipe in recipes)
-        return [Outcome(land.scores[mask]) for mask in masks]
-
-    return scorer
-
-
 def search_of(land: Landscape, seed: int, batch: int = 1) -> BayesianSubsetSearch:
     """The search itself on the table of scores, ready for its first step."""
     settings = BayesianSubsetSettings(generations=-(-MOST // batch), batch=batch, seed=seed)
-    return BayesianSubsetSearch(land.names, BLOCK, table_scorer(land), settings)
+    return BayesianSubsetSearch(land.names, BLOCK, land.scored, settings)
 
 
 def run(land: Landscape, seed: int) -> list[int]:
@@ -57,7 +45,7 @@ def run(land: Landscape, seed: int) -> list[int]:
     for _ in search:
         if any(optimal(land, candidate) for candidate in search.candidates):
             break
-    return [sum(1 << land.names.index(source) for source in c.subset) for c in search.candidates]
+    return [land.mask(c.subset) for c in search.candidates]
 
 
 def optimal(land: Landscape, candidate: SubsetCandidate) -> bool:
@@ -101,7 +89,7 @@ def grown(land: Landscape, newcomer: str, seed: int) -> Iterator[tuple[str, floa
         Way, and new evaluations until the best subset, infinite where it was not found. What the same method
         evaluated before costs nothing, where it is known.
     """
-    scorer, few = table_scorer(land), tuple(name for name in land.names if name != newcomer)
+    scorer, few = land.scored, tuple(name for name in land.names if name != newcomer)
     model, paper = BayesianSubsetSettings(seed=seed), SubsetSettings(seed=seed)
     before = BayesianSubsetSearch(few, BLOCK, scorer, model)
     before.run()

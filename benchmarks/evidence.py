@@ -20,6 +20,7 @@ import evidence_real
 import pandas as pd
 from evidence_bank import FIRST, SHARP, Study
 from kept import RUNS, Job, KeptRuns
+from real_pairs import PAIRS
 from trials import with_changes
 
 from sfkit.analysis.tables import markdown_lines
@@ -139,7 +140,7 @@ def _real(frame: pd.DataFrame) -> str:
     if frame.empty:
         return ""
     frame = frame[frame["evaluations"] == evidence_real.EVALUATIONS]
-    pairs, rows = list(evidence_real.PAIRS), []
+    pairs, rows = list(PAIRS), []
     for how, seen in evidence_real.GUIDES.items():
         group = frame[frame["how"] == how]
         for trial, part in group.groupby("trial", sort=False):

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 from kept import Job
+from real_pairs import DATA, evaluators, opened
 from trials import Trial, run_trials
 
 import sfkit
-from sfkit.datasets import Benchmark
-from sfkit.merging import Pool
 
-POOL = Path(__file__).parents[1] / "tests" / "pools" / "anynet_real.toml"
 EVALUATIONS = 300
 MARKS = (40, 80, 150)
-CODINGS = {"motorcycle": "npz:arr_0", "cones": "png8:4", "reindeer": "png8:2"}
 GUIDES = {
     "one": ("eth3d",),
     "mean": ("eth3d", "cones", "motorcycle"),
@@ -26,12 +22,11 @@ GUIDES = {
     "folds": ("eth3d", "cones", "motorcycle", "reindeer"),
 }
 """Name of a comparison -> the benchmarks, of one pair each, that guide both stages."""
-PAIRS = ("eth3d", "kitti2012", *CODINGS)
 
 
 def jobs() -> dict[str, Job]:
     """Name -> comparison; none without the real data."""
-    if "SFKIT_REAL_DATA" not in os.environ:
+    if not os.environ.get(DATA):
         return {}
     found: dict[str, Job] = {}
     for seed in range(2):
@@ -65,28 +60,3 @@ def compared(name: str, seed: int, folder: Path) -> pd.DataFrame:
     table.insert(1, "how", name)
     table["subset"] = "+".join(subset)
     return table
-
-
-@lru_cache
-def opened() -> Pool:
-    """Five real checkpoints."""
-    return sfkit.open_pool(POOL)
-
-
-@lru_cache
-def evaluators() -> dict[str, sfkit.Evaluator]:
-    """Every pair as a benchmark of its own, by name."""
-    return {name: sfkit.Evaluator(opened(), benchmark) for name, benchmark in benchmarks().items()}
-
-
-def benchmarks() -> dict[str, Benchmark]:
-    """ETH3D's playground, KITTI 2012's first pair (the sources may have seen it), Middlebury's three."""
-    data = Path(os.environ["SFKIT_REAL_DATA"])
-    public: Sequence[tuple[str, str]] = (("eth3d", "raft"), ("kitti2012", "all-valid"))
-    found = {
-        name: sfkit.open_benchmark(name, data / name, protocol=protocol, metric="bad-1.0")
-        for name, protocol in public
-    }
-    for name, coding in CODINGS.items():
-        found[name] = sfkit.open_benchmark("pairs", data / "pairs" / name, coding=coding, metric="bad-1.0")
-    return found

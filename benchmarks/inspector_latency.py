@@ -20,15 +20,15 @@ from pathlib import Path
 
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
-from processes import chromium, shown
-from stages import answered
+from processes import answered, chromium, shown
+from real_pairs import DATA, POOL
+from tabulated import numbers
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "browser"))
 
 from browser_lab import Notebook, Server, serving
 
 DOCUMENT = "benchmarks/README.md"
-ROOT = Path(__file__).parents[1]
 FLAGS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking")
 
 BANK = """
@@ -108,28 +108,19 @@ def measured(browser: Browser, server: Server, name: str, cells: list[str], edit
         del received[before:]  # the question just asked is no part of the edit
     height, width = notebook.evaluate("inspector.size")
     context.close()
-    times = [(np.median(values), np.percentile(values, 95)) for values in (first, full)]
-    (first_median, first_p95), (full_median, full_p95) = [(float(a), float(b)) for a, b in times]
-    return EditTimes(
-        name,
-        width,
-        height,
-        edits,
-        first_median,
-        first_p95,
-        full_median,
-        full_p95,
-        float(np.median(kernel)),
-        sum(received) / edits,
-    )
+    times = [float(end(values)) for values in (first, full) for end in (np.median, _p95)]
+    return EditTimes(name, width, height, edits, *times, float(np.median(kernel)), sum(received) / edits)
+
+
+def _p95(values: list[float]) -> float:
+    return float(np.percentile(values, 95))
 
 
 def measure(edits: int = 40) -> list[EditTimes]:
     """The embedded bank and, where its data is, the real AnyNet pool."""
     worlds = {"embedded bank": [BANK, SHOW]}
-    if os.environ.get("SFKIT_REAL_DATA"):
-        pool = str(ROOT / "tests" / "pools" / "anynet_real.toml")
-        worlds["real AnyNet"] = [REAL.format(pool=pool), SHOW]
+    if os.environ.get(DATA):
+        worlds["real AnyNet"] = [REAL.format(pool=str(POOL)), SHOW]
     os.environ.pop("OMP_NUM_THREADS", None)
     with (
         tempfile.TemporaryDirectory() as folder,
@@ -145,18 +136,14 @@ def measure(edits: int = 40) -> list[EditTimes]:
 
 def table(records: Sequence[EditTimes]) -> str:
     """The records as Markdown."""
-    lines = [
-        "| pool | image | first picture, median | 95th percentile | full size, median | 95th percentile | "
-        "network alone | received an edit |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r.pool} | {r.width}x{r.height} | {r.first_median:.0f} ms | {r.first_p95:.0f} ms | "
-        f"{r.full_median:.0f} ms | {r.full_p95:.0f} ms | {r.kernel_median:.0f} ms | "
-        f"{r.received / 1000:.0f} kB |"
-        for r in records
-    ]
-    return "\n".join(lines)
+    times = ("first picture, median", "95th percentile", "full size, median", "95th percentile")
+    heads = ("pool", "image", *times, "network alone", "received an edit")
+    rows = []
+    for r in records:
+        times = (r.first_median, r.first_p95, r.full_median, r.full_p95, r.kernel_median)
+        size, bytes_ = f"{r.width}x{r.height}", f"{r.received / 1000:.0f} kB"
+        rows.append((r.pool, size, *(f"{time:.0f} ms" for time in times), bytes_))
+    return numbers(heads, rows, 2)
 
 
 TARGET = 150.0  # ms, the median first picture on the embedded bank
@@ -179,4 +166,4 @@ The embedded bank's median is {bank.first_median:.0f} ms, {verdict} the target o
 
 
 if __name__ == "__main__":
-    answered(__doc__, measure, {"edits": 40}, table)
+    answered(measure, table)

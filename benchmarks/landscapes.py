@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from exhaustive import SubsetScores
 
+from sfkit.evaluation.outcome import Outcome
+from sfkit.merging.recipe import Recipe
 from sfkit.search.operators import SubsetSpace
 
 
@@ -14,9 +16,14 @@ class Landscape:
 
     def __init__(self, table: SubsetScores, *, quick: bool = False) -> None:
         self.names = table.names
+        self.mask = table.mask
         self.scores = table.quick if quick else table.scores
         self.space = SubsetSpace.free(len(table.names))
         self.best = min(score for mask, score in self.scores.items() if mask.bit_count() >= 2)
+
+    def scored(self, recipes: Sequence[Recipe]) -> list[Outcome]:
+        """As a scorer does: looks every recipe's sources up in the table."""
+        return [Outcome(self.scores[self.mask(recipe.sources)]) for recipe in recipes]
 
     def regrets(self, masks: Iterable[int]) -> list[float]:
         """The regret after each distinct evaluation; a subset of one source costs, and wins nothing."""

@@ -10,30 +10,28 @@ checkout itself requires (timm) must be installed.
 
 from __future__ import annotations
 
-import argparse
-import json
-import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import cv2
 import numpy as np
 import torch
-from processes import call, shown
+from processes import answered, call, folder_of, peak_mb, shown
+from real_pairs import data
+from synthetic_pool import pool_file
 
 import sfkit
 from sfkit.analysis.tables import markdown_lines
 from sfkit.architectures import architecture
-from sfkit.evaluation.estimating import peak_memory
 
 CHECKOUT = "SFKIT_OPENSTEREO"
-REAL = "SFKIT_REAL_DATA"
+EVALUATIONS = 4  # of Stage 2, the first of which is the one subset of Stage 1
 MOVED = 0.01  # of a tensor's standard deviation, by which a source differs from the base
 
 
@@ -55,28 +53,22 @@ CASES = {
     "IGEV": ModelCase("igev/igev_sceneflow_amp.yaml", (64, 96)),
     "PSMNet": ModelCase("psmnet/psmnet_sceneflow.yaml", (256, 256)),
 }
-Walk = Callable[[str, Path, Path], dict[str, Any]]
-"""A name, the folder of code, and that of real pairs -> what was found."""
 
 
-def measure(name: str, checkout: Path, real: Path, *, evaluations: int = 4) -> dict[str, Any]:
+def measure(name: Literal["LightStereo-S", "IGEV", "PSMNet"]) -> dict[str, Any]:
     """Walk one model's road: :func:`walk` with one of :data:`CASES` from a checkout of OpenStereo."""
     case = CASES[name]
-    options = {"root": str(checkout), "cfg": case.cfg}
-    return {"name": name, **walk("openstereo", options, case.size, real, evaluations=evaluations)}
+    options = {"root": str(folder_of(CHECKOUT)), "cfg": case.cfg}
+    return {"name": name, **walk("openstereo", options, case.size)}
 
 
-def walk(
-    kind: str, options: Mapping[str, Any], size: tuple[int, int], real: Path, *, evaluations: int = 4
-) -> dict[str, Any]:
+def walk(kind: str, options: Mapping[str, Any], size: tuple[int, int]) -> dict[str, Any]:
     """From opening a pool to a tiny search, in a folder that is removed after.
 
     Args:
         kind: an architecture.
         options: its options.
         size: (height, width) of the part of the real pair.
-        real: the folder of real pairs.
-        evaluations: of Stage 2, the first of which is the one subset of Stage 1.
 
     Returns:
         ``parameters``, ``blocks``, ``size``; CPU seconds as ``open``, ``merge``, ``evaluate`` and ``search``;
@@ -87,11 +79,12 @@ def walk(
     """
     torch.set_num_threads(1)
     spent = dict[str, float]()
-    with tempfile.TemporaryDirectory() as folder:
-        pool_file = write_pool(Path(folder), kind, options)
-        pairs = write_pair(Path(folder) / "pairs", real, size)
+    # What a checkout prints is not the document.
+    with tempfile.TemporaryDirectory() as folder, redirect_stdout(sys.stderr):
+        path = write_pool(Path(folder), kind, options)
+        pairs = write_pair(Path(folder) / "pairs", size)
         with _timed(spent, "open"):
-            pool = sfkit.open_pool(pool_file)
+            pool = sfkit.open_pool(path)
         recipe = pool.uniform()
         with _timed(spent, "merge"):
             merged = sfkit.save_merged(pool, recipe, Path(folder) / "merged.safetensors")
@@ -105,7 +98,7 @@ def walk(
                 pool.names, pool.blocks, scorer, sfkit.SubsetSettings(population=3, generations=1)
             ).run()
             how = sfkit.RoutingSearch(
-                pool.names, pool.blocks, scorer, sfkit.RoutingSettings(evaluations=evaluations)
+                pool.names, pool.blocks, scorer, sfkit.RoutingSettings(evaluations=EVALUATIONS)
             ).run()
         evaluated = len(list(scorer.store))
         origin = sfkit.read_origin(merged)
@@ -119,7 +112,7 @@ def walk(
         "blocks": list(pool.blocks),
         **{key: round(seconds, 1) for key, seconds in spent.items()},
         "evaluations": evaluated,
-        "peak_memory_mb": round(peak_memory() / (1 << 20)),
+        "peak_memory_mb": round(peak_mb()),
     }
 
 
@@ -138,19 +131,15 @@ def write_pool(folder: Path, kind: str, options: Mapping[str, Any]) -> Path:
             for key, tensor in base.items()
         }
         torch.save({"model_state": state, "optimizer_state": {}, "epoch": 1}, folder / f"{name}.pth")
-    sources = "".join(f'[sources.{name}]\nfile = "{name}.pth"\n' for name in "ab")
-    said = "".join(f"{key} = {json.dumps(value)}\n" for key, value in options.items())
-    text = f'name = "{kind}"\narchitecture = "{kind}"\n[options]\n{said}[base]\nfile = "base.pth"\n{sources}'
-    (folder / "pool.toml").write_text(text, encoding="utf-8")
-    return folder / "pool.toml"
+    return pool_file(folder / "pool.toml", kind, options, "ab")
 
 
-def write_pair(root: Path, real: Path, size: tuple[int, int]) -> Path:
+def write_pair(root: Path, size: tuple[int, int]) -> Path:
     """The middle of Middlebury's Cones as a folder of one pair; disparities stay PNGs of a quarter pixel."""
     names = {"left.png": "im2.png", "right.png": "im6.png", "disp.png": "disp2.png"}
     (root / "cones").mkdir(parents=True)
     for name, original in names.items():
-        image = cv2.imread(str(real / "pairs" / "cones" / original), cv2.IMREAD_UNCHANGED)
+        image = cv2.imread(str(data() / "pairs" / "cones" / original), cv2.IMREAD_UNCHANGED)
         top, left = ((image.shape[axis] - size[axis]) // 2 for axis in (0, 1))
         cv2.imwrite(str(root / "cones" / name), image[top : top + size[0], left : left + size[1]])
     return root
@@ -163,50 +152,21 @@ def _timed(spent: dict[str, float], name: str) -> Iterator[None]:
     spent[name] = time.process_time() - started
 
 
-def answer(about: str | None, checkouts: str, cases: Iterable[str], measure: Walk) -> None:
-    """Measure the one of ``cases`` that the command line names, and print.
-
-    Args:
-        about: what ``--help`` says.
-        checkouts: the variable that names the folder of code; :data:`REAL` that of pairs.
-        cases: the names there are.
-        measure: one of them.
-
-    Raises:
-        SystemExit: a variable is not set.
-    """
-    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("name", choices=cases)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
-    options = parser.parse_args()
-    if missing := [name for name in (checkouts, REAL) if not os.environ.get(name)]:
-        raise SystemExit(f"{' and '.join(missing)}: not set, expected the folder's path")
-    code, real = (Path(os.environ[name]).expanduser() for name in (checkouts, REAL))
-    with redirect_stdout(sys.stderr):  # what a checkout prints is not the document
-        result = measure(options.name, code, real)
-    lines = "\n".join(f"{key}: {value}" for key, value in result.items())
-    print(json.dumps(result) if options.json else lines)
-
-
 def section() -> str:
     """One row a model, each measured in a process of its own."""
-    lines = [
-        "## Networks of an OpenStereo checkout",
-        "",
-        f"`{shown('openstereo.py', 'MODEL')}` with `SFKIT_OPENSTEREO` naming a checkout of",
-        "XiandaGuo/OpenStereo (May 2026), whose code runs as it stands, and timm 1.0. Base and two sources",
-        "have random weights, in files as its trainer writes them; the pair is a part of Middlebury's Cones",
-        "of the size that the table names. So this says that each step runs and what it takes, not how well",
-        "such networks merge. CPU seconds of one thread, opening with everything imported; the search is",
-        "Stage 1 over the one subset of two sources, which was scored before, and three mixtures more in "
-        "Stage 2.",
-        "",
-        rows(call("openstereo.py", name, "--json") for name in CASES),
-    ]
-    return "\n".join(lines)
+    return f"""## Networks of an OpenStereo checkout
+
+`{shown("openstereo.py", "MODEL")}` with `SFKIT_OPENSTEREO` naming a checkout of
+XiandaGuo/OpenStereo (May 2026), whose code runs as it stands, and timm 1.0. Base and two sources
+have random weights, in files as its trainer writes them; the pair is a part of Middlebury's Cones
+of the size that the table names. So this says that each step runs and what it takes, not how well
+such networks merge. CPU seconds of one thread, opening with everything imported; the search is
+Stage 1 over the one subset of two sources, which was scored before, and three mixtures more in Stage 2.
+
+{table(call("openstereo.py", name, "--json") for name in CASES)}"""
 
 
-def rows(results: Iterable[dict[str, Any]]) -> str:
+def table(results: Iterable[dict[str, Any]]) -> str:
     """What ``walk`` of ``benchmarks/openstereo.py`` found, a network a row."""
     steps = {"open": "open", "merge": "merge, write", "evaluate": "one evaluation", "search": "search"}
     cells = []
@@ -218,4 +178,4 @@ def rows(results: Iterable[dict[str, Any]]) -> str:
 
 
 if __name__ == "__main__":
-    answer(__doc__, CHECKOUT, CASES, measure)
+    answered(measure)

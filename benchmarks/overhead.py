@@ -29,9 +29,9 @@ from unittest import mock
 
 import numpy as np
 import torch
-from processes import call, shown
-from stages import answered
+from processes import answered, call, shown
 from synthetic_pool import PoolShape, describe, write_checkpoints
+from tabulated import numbers
 
 from sfkit.architectures import InputConvention
 from sfkit.bank import pool_path
@@ -77,28 +77,27 @@ PARTS: tuple[tuple[str, Any, str], ...] = (
 
 
 class Clock:
-    """Seconds by row, by the clock and of this thread's computing, without those of rows inside it.
+    """Seconds by row, by the clock and of computing, without those of rows inside it.
 
-    What other threads do meanwhile costs no time by the clock, and is kept apart: ``beside``.
+    What other threads do meanwhile costs computing, and no time by the clock.
     """
 
     def __init__(self) -> None:
-        self.beside: dict[str, float] = defaultdict(float)
-        self._own = threading.get_ident()
         self.seconds: dict[str, float] = defaultdict(float)
         self.computing: dict[str, float] = defaultdict(float)
         self.calls: dict[str, int] = defaultdict(int)
+        self._own = threading.get_ident()
         self._row, self._since, self._computed = SEARCH, time.perf_counter(), time.thread_time()
 
     @contextmanager
     def row(self, name: str) -> Iterator[None]:
         """Everything in here counts for that row."""
-        outer = self._turn(name)
+        outer = self.turn(name)
         self.calls[name] += 1
         try:
             yield
         finally:
-            self._turn(outer)
+            self.turn(outer)
 
     def timed(self, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         """The function, its time counted for that row."""
@@ -111,16 +110,14 @@ class Clock:
             try:
                 return function(*arguments, **named)
             finally:
-                self.beside[name] += time.thread_time() - started
+                self.seconds[name] += 0.0  # a row of its own
+                self.computing[name] += time.thread_time() - started
                 self.calls[name] += 1
 
         return call
 
-    def stop(self) -> None:
-        """Count up to now."""
-        self._turn(SEARCH)
-
-    def _turn(self, name: str) -> str:
+    def turn(self, name: str) -> str:
+        """Count up to now, from now on for another row; the row before."""
         now, computed = time.perf_counter(), time.thread_time()
         self.seconds[self._row] += now - self._since
         self.computing[self._row] += computed - self._computed
@@ -128,35 +125,32 @@ class Clock:
         return before
 
 
-def plan_of(method: str, population: int, generations: int, evaluations: int) -> SearchPlan:
-    """What is searched; by a model, ``population`` subsets are scored before there is one."""
-    if method == "paper":
-        stage1 = SubsetSettings(population=population, generations=generations)
-        return SearchPlan(stage1=stage1, stage2=RoutingSettings(evaluations=evaluations))
-    return SearchPlan(
-        stage1=BayesianSubsetSettings(population=population, generations=generations),
-        stage2=BayesianRoutingSettings(evaluations=evaluations),
-    )
-
-
 def measure(
-    *,
-    pairs: int,
-    population: int,
-    generations: int,
-    evaluations: int,
+    pairs: int = 27,
+    population: int = 10,
+    generations: int = 2,
+    evaluations: int = 20,
+    method: str = METHODS[0],
     bank: bool = False,
-    method: str = "paper",
 ) -> dict[str, Any]:
     """Run a search; seconds and calls a row, the evaluations computed, and the share outside the network.
 
     Shares are of time by the clock, waiting for the disk included, and (``computing``) of the computing of
-    all threads, which other work on the machine changes less.
+    all threads, which other work on the machine changes less. ``evaluations`` are those of Stage 2; by a
+    model, ``population`` subsets are scored before there is one.
 
     Raises:
         SystemExit: a disparity map was not finite: counting its errors is no work.
     """
     torch.set_num_threads(1)
+    which, how = (
+        (SubsetSettings, RoutingSettings)
+        if method == "paper"
+        else (BayesianSubsetSettings, BayesianRoutingSettings)
+    )
+    plan = SearchPlan(
+        stage1=which(population=population, generations=generations), stage2=how(evaluations=evaluations)
+    )
     with tempfile.TemporaryDirectory() as name, ExitStack() as patched:
         folder = Path(name)
         path = pool_path() if bank else published(folder)
@@ -165,33 +159,19 @@ def measure(
             pool, validation = open_pool(path), noise(pairs)
             scorer = Evaluator(pool, validation, store=EvaluationStore(folder / "e.sqlite"))
             scorer([pool.equal(*pool.names[:2])])  # first forward passes prepare kernels
-        plan = plan_of(method, population, generations, evaluations)
         for row, place, called in PARTS:
             timed = clock.timed(row, getattr(place, called))
             patched.enter_context(mock.patch.object(place, called, timed))
         network = scorer.engine.worker.model.network  # type: ignore[attr-defined]
         patched.enter_context(mock.patch.object(network, "forward", clock.timed(FORWARD, network.forward)))
         search_pool(pool, scorer, plan, folder / "run")
-        clock.stop()
+        clock.turn(SEARCH)
         flagged = any(image.flagged for evaluation in scorer.store for image in evaluation.images)
         scorer.store.close()
     if flagged:
         raise SystemExit("a disparity map was not finite: the share outside the network would be too small")
     before, _ = clock.seconds.pop(BEFORE), clock.computing.pop(BEFORE)
-    total = sum(clock.seconds.values())
-    computed = sum(clock.computing.values()) + sum(clock.beside.values())
-    rows = [
-        {
-            "part": part,
-            "seconds": seconds,
-            "share": seconds / total,
-            "computing": (clock.computing[part] + clock.beside[part]) / computed,
-            "calls": clock.calls[part],
-        }
-        for part, seconds in sorted(
-            {**dict.fromkeys(clock.beside, 0.0), **clock.seconds}.items(), key=lambda entry: -entry[1]
-        )
-    ]
+    total, computed = sum(clock.seconds.values()), sum(clock.computing.values())
     return {
         "network": "the embedded bank's AnyNet" if bank else "AnyNet as published",
         "method": method,
@@ -201,7 +181,16 @@ def measure(
         "before": before,
         "outside": 1 - clock.seconds[FORWARD] / total,
         "outside_computing": 1 - clock.computing[FORWARD] / computed,
-        "rows": rows,
+        "rows": [
+            {
+                "part": part,
+                "seconds": seconds,
+                "share": seconds / total,
+                "computing": clock.computing[part] / computed,
+                "calls": clock.calls[part],
+            }
+            for part, seconds in sorted(clock.seconds.items(), key=lambda entry: -entry[1])
+        ],
     }
 
 
@@ -221,10 +210,6 @@ def noise(pairs: int) -> Benchmark:
     )
 
 
-SIZES = {"pairs": 27, "population": 10, "generations": 2, "evaluations": 20}
-"""Of the command line; ``evaluations`` are those of Stage 2."""
-
-
 MODEL = ("--method", "bayesian", "--generations", "41", "--evaluations", "80")
 COMMANDS = (
     ("overhead.py", "--json"),
@@ -235,36 +220,39 @@ COMMANDS = (
 
 def section() -> str:
     """One table a network, one row a part of a search."""
-    parts = [
-        "## Overhead of a search",
-        "Both stages on pairs of 256 x 512, as many as the paper validates on. `search` is what no other row "
-        "claims: breeding, CMA-ES, ranking, the evaluator's own work. A search by a model of the score is "
-        "run whole, since the model's part grows with what it learns from. Errors are counted in a thread of "
-        "their own while the network runs, which takes computing and no time. Shares of computing leave out "
-        "waiting for the disk.",
-    ]
-    for command in COMMANDS:
-        parts += [f"`{shown(*command)}`: {table(call(*command))}"]
-    return "\n\n".join(parts)
+    tables = [f"`{shown(*command)}`: {table(call(*command))}" for command in COMMANDS]
+    return "\n\n".join([HEAD, *tables])
+
+
+HEAD = """## Overhead of a search
+
+Both stages on pairs of 256 x 512, as many as the paper validates on. `search` is what no other row
+claims: breeding, CMA-ES, ranking, the evaluator's own work. A search by a model of the score is
+run whole, since the model's part grows with what it learns from. Errors are counted in a thread of
+their own while the network runs, which takes computing and no time. Shares of computing leave out
+waiting for the disk."""
 
 
 def table(found: dict[str, Any]) -> str:
     """What one measurement found."""
-    lines = [
-        f"{found['network']}, {found['pairs']} pairs, {found['method']} method, {found['evaluations']} "
-        f"evaluations in {found['seconds']:.0f} s, of which **{100 * found['outside']:.1f} %** lie outside "
-        f"the network's forward passes ({100 * found['outside_computing']:.1f} % of computing). Pool and "
-        f"images were made ready before, once, in {found['before']:.1f} s.",
-        "",
-        "| part | share, % | of computing, % | ms an evaluation | calls |",
-        "|---|--:|--:|--:|--:|",
+    heads = ("part", "share, %", "of computing, %", "ms an evaluation", "calls")
+    rows = [
+        (
+            r["part"],
+            f"{100 * r['share']:.2f}",
+            f"{100 * r['computing']:.2f}",
+            f"{1e3 * r['seconds'] / found['evaluations']:.2f}",
+            f"{r['calls']:,}",
+        )
+        for r in found["rows"]
     ]
-    for r in found["rows"]:
-        each = 1e3 * r["seconds"] / found["evaluations"]
-        shares = f"{100 * r['share']:.2f} | {100 * r['computing']:.2f}"
-        lines.append(f"| {r['part']} | {shares} | {each:.2f} | {r['calls']:,} |")
-    return "\n".join(lines)
+    return f"""{found["network"]}, {found["pairs"]} pairs, {found["method"]} method, {found["evaluations"]}
+evaluations in {found["seconds"]:.0f} s, of which **{100 * found["outside"]:.1f} %** lie outside
+the network's forward passes ({100 * found["outside_computing"]:.1f} % of computing). Pool and
+images were made ready before, once, in {found["before"]:.1f} s.
+
+{numbers(heads, rows)}"""
 
 
 if __name__ == "__main__":
-    answered(__doc__, measure, {**SIZES, "method": METHODS[0], "bank": False})
+    answered(measure)

@@ -49,11 +49,11 @@ def answered(
     for name, one in inspect.signature(measure, eval_str=True).parameters.items():
         usual, (kind, *_) = one.default, [*get_args(one.annotation), one.annotation]
         words = f"{usual} unless given"
-        if usual is one.empty:
+        if get_origin(one.annotation) is Literal:
+            free = {} if usual is one.empty else {"nargs": "?", "default": usual, "help": words}
+            parser.add_argument(name, choices=get_args(one.annotation), **free)
+        elif usual is one.empty:
             parser.add_argument(name, type=kind)
-        elif get_origin(one.annotation) is Literal:
-            values = get_args(one.annotation)
-            parser.add_argument(name, choices=values, nargs="?", default=usual, help=words)
         elif usual is False:
             parser.add_argument(f"--{name}", action="store_true")
         else:
@@ -156,6 +156,17 @@ def _watch(pid: int, ended: threading.Event) -> Peak:
         anonymous = max(anonymous, sizes.get("RssAnon", 0.0))
         mapped = max(mapped, sizes.get("RssFile", 0.0) + sizes.get("RssShmem", 0.0))
     return Peak(round(anonymous), round(mapped))
+
+
+def folder_of(variable: str) -> Path:
+    """The folder that a variable of the environment names.
+
+    Raises:
+        SystemExit: it is not set.
+    """
+    if not os.environ.get(variable):
+        raise SystemExit(f"{variable}: not set, expected the folder's path")
+    return Path(os.environ[variable]).expanduser()
 
 
 def chromium() -> str:

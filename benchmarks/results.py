@@ -29,7 +29,8 @@ RESULTS = "docs/results.md"
 PREAMBLES = {
     RESULTS: """# Measured results
 
-Every section was written by the command it names, on the machine it names; none is edited by hand.
+Every section was written by the command it names, on the machine it names; no figure is edited by hand. Of
+some that nobody needs to measure again only the record is left, and their script in the history.
 Speed is in [benchmarks](../benchmarks/README.md).
 """,
     "benchmarks/README.md": "# Benchmarks\n",

@@ -22,10 +22,11 @@ from functools import cache
 import numpy as np
 import torch
 from exhaustive import subset_scores
+from landscapes import Landscape
 from pictures import lines, picture
-from processes import shown
-from search import Landscape, genetic
-from stages import answered
+from processes import answered, shown
+from search import genetic
+from tabulated import numbers
 
 from sfkit import Evaluator, bank, open_pool
 from sfkit.evaluation.engines.schedule import Board
@@ -35,6 +36,7 @@ DOCUMENT = "benchmarks/README.md"
 
 WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 TRIALS = 300  # of Stage 2
+DIMENSIONS = 4 * 6 + 4  # of Stage 2; CMA-ES proposes 4 + 3 ln n at a time
 SPREAD = 0.05  # standard deviation of an evaluation's time over its mean, as measured on the bank
 FASTEST = 1.25e9  # bytes a second from one machine to the next: 10 Gbit Ethernet
 
@@ -48,7 +50,6 @@ class SimulatedSearch:
         images: of the validation benchmark.
         stage1: seconds an evaluation of Stage 1 takes on one worker.
         stage2: the same of Stage 2.
-        dimensions: of Stage 2; CMA-ES proposes 4 + 3 ln n at a time.
         merge: seconds of an evaluation that every worker repeats when images are shared out.
         vectors: bytes of base and task vectors that a worker holds.
     """
@@ -57,7 +58,6 @@ class SimulatedSearch:
     images: int
     stage1: float
     stage2: float
-    dimensions: int
     merge: float
     vectors: int
 
@@ -88,17 +88,21 @@ def generations() -> tuple[int, ...]:
     return tuple(found)
 
 
+def populations(dimensions: int) -> tuple[int, ...]:
+    """CMA-ES populations of 4 + 3 ln n that make up the trials of Stage 2."""
+    size = 4 + math.floor(3 * math.log(dimensions))
+    rest = TRIALS % size
+    return (size,) * (TRIALS // size) + ((rest,) if rest else ())
+
+
 def paper() -> SimulatedSearch:
     """FoundationStereo ViT-L, 11 sources, 27 pairs: seconds such that 4 GPUs need 1.2 h and 2.4 h."""
-    parameters = 37_600_000  # that the sources change; the ViT is frozen
-    dimensions = 4 * 6 + 4
     first, second = (
         hours * 3600 / simulate(batches, 1.0, 4)[0]
-        for hours, batches in ((1.2, generations()), (2.4, populations(dimensions)))
+        for hours, batches in ((1.2, generations()), (2.4, populations(DIMENSIONS)))
     )
-    return SimulatedSearch(
-        "paper, FoundationStereo", 27, first, second, dimensions, 0.05, 12 * 4 * parameters
-    )
+    parameters = 37_600_000  # that the sources change; the ViT is frozen
+    return SimulatedSearch("paper, FoundationStereo", 27, first, second, 0.05, 12 * 4 * parameters)
 
 
 def embedded(pairs: int = 8) -> SimulatedSearch:
@@ -107,20 +111,12 @@ def embedded(pairs: int = 8) -> SimulatedSearch:
     pool = open_pool(bank.pool_path())
     with Evaluator(pool, bank.benchmark(bank.VALIDATION).first(pairs)) as scorer:
         scorer([pool.equal(name) for name in pool.names[:2]])
-        seconds = [outcome.seconds for outcome in scorer([pool.equal(name) for name in pool.names[2:8]])]
+        each = min(outcome.seconds for outcome in scorer([pool.equal(name) for name in pool.names[2:8]]))
         live = pool.merge(pool.uniform())
         began = time.perf_counter()
         live.apply(pool.uniform())
         spent = time.perf_counter() - began
-    each = min(seconds)
-    return SimulatedSearch("bank, AnyNet", pairs, each, each, 4 * 6 + 4, spent, 12 * 4 * pool.layout.size)
-
-
-def populations(dimensions: int) -> tuple[int, ...]:
-    """CMA-ES populations of 4 + 3 ln n that make up the trials of Stage 2."""
-    size = 4 + math.floor(3 * math.log(dimensions))
-    rest = TRIALS % size
-    return (size,) * (TRIALS // size) + ((rest,) if rest else ())
+    return SimulatedSearch("bank, AnyNet", pairs, each, each, spent, 12 * 4 * pool.layout.size)
 
 
 def simulate(
@@ -152,24 +148,17 @@ def simulate(
 
 def run(case: SimulatedSearch, workers: int) -> WorkersRow:
     """Both stages, with whole evaluations and with images shared out."""
-    stages = ((generations(), case.stage1), (populations(case.dimensions), case.stage2))
-    whole = [simulate(batches, seconds, workers) for batches, seconds in stages]
-    shared = [
-        simulate(batches, seconds, workers, images=case.images, merge=case.merge)
-        for batches, seconds in stages
-    ]
-    wall, busy = (sum(column) for column in zip(*whole, strict=True))
-    wall_shared, busy_shared = (sum(column) for column in zip(*shared, strict=True))
-    return WorkersRow(
-        case.name,
-        workers,
-        wall / 3600,
-        max(0.0, 1 - busy / (wall * workers)),
-        wall_shared / 3600,
-        max(0.0, 1 - busy_shared / (wall_shared * workers)),
-        case.vectors / FASTEST * math.ceil(math.log2(workers + 1)),
-        case.vectors / 2**30,
-    )
+    stages = ((generations(), case.stage1), (populations(DIMENSIONS), case.stage2))
+
+    def spent(images: int, merge: float) -> tuple[float, float]:
+        """Hours, and the share of them that workers idle."""
+        every = [simulate(*stage, workers, images=images, merge=merge) for stage in stages]
+        wall, busy = (sum(column) for column in zip(*every, strict=True))
+        return wall / 3600, max(0.0, 1 - busy / (wall * workers))
+
+    broadcast = case.vectors / FASTEST * math.ceil(math.log2(workers + 1))
+    times = (*spent(1, 0.0), *spent(case.images, case.merge))
+    return WorkersRow(case.name, workers, *times, broadcast, case.vectors / 2**30)
 
 
 def measure() -> list[WorkersRow]:
@@ -180,17 +169,21 @@ def measure() -> list[WorkersRow]:
 
 def table(rows: Sequence[WorkersRow]) -> str:
     """The rows as a Markdown table."""
-    lines = [
-        "| search | workers | hours | idle at the barrier | hours, images shared | idle | broadcast, s "
-        "| vectors a worker, GiB |",
-        "|---|--:|--:|--:|--:|--:|--:|--:|",
-    ]
-    lines += [
-        f"| {r.case} | {r.workers} | {r.hours:.3g} | {100 * r.idle:.0f} % | {r.hours_shared:.3g} "
-        f"| {100 * r.idle_shared:.0f} % | {r.broadcast:.2f} | {r.memory:.3f} |"
+    heads = ("search", "workers", "hours", "idle at the barrier", "hours, images shared", "idle")
+    cells = [
+        (
+            r.case,
+            r.workers,
+            f"{r.hours:.3g}",
+            f"{100 * r.idle:.0f} %",
+            f"{r.hours_shared:.3g}",
+            f"{100 * r.idle_shared:.0f} %",
+            f"{r.broadcast:.2f}",
+            f"{r.memory:.3f}",
+        )
         for r in rows
     ]
-    return "\n".join(lines)
+    return numbers((*heads, "broadcast, s", "vectors a worker, GiB"), cells)
 
 
 def section() -> str:
@@ -203,20 +196,19 @@ def section() -> str:
         curves[f"{case}: whole evaluations"] = (workers, [100 * row.idle for row in of_case])
         curves[f"{case}: images shared out"] = (workers, [100 * row.idle_shared for row in of_case])
     many = next(row for row in rows if row.workers == 64)
+    most = next(row for row in reversed(rows) if row.case == many.case)
+    idle, rest = f"{100 * many.idle:.1f}", f"{100 * many.idle_shared:.1f}"
     figure = lines(
         curves,
         title="How much of the workers' time does the generation barrier cost?",
-        subtitle=f"{many.case}, 64 workers: {100 * many.idle:.0f} %, with images shared out "
-        f"{100 * many.idle_shared:.1f} %",
+        subtitle=f"{many.case}, 64 workers: {100 * many.idle:.0f} %, with images shared out {rest} %",
         x="workers",
         y="idle (%)",
         logarithmic=True,
     )
-    idle, rest = f"{100 * many.idle:.1f}", f"{100 * many.idle_shared:.1f}"
-    most = next(row for row in reversed(rows) if row.case == many.case)
     verdict = (
-        "The rest is above 10 %, so\nwhat to build next is an asynchronous Stage 2 whose results enter by "
-        "candidate number, or larger\npopulations where there are many workers."
+        "The rest is above 10 %, so what to build next is an asynchronous Stage 2 whose\nresults enter by "
+        "candidate number, or larger populations where there are many workers."
         if many.idle_shared > 0.1
         else "That is under 10 %:\nno asynchronous variant is needed up to there."
     )
@@ -237,4 +229,4 @@ images shared out, which every engine does by itself. {verdict} Task vectors are
 
 
 if __name__ == "__main__":
-    answered(__doc__, measure, {}, table)
+    answered(measure, table)

@@ -1,6 +1,6 @@
 """Searches against the true optimum: how many evaluations they need on a landscape that is known in full.
 
-    python benchmarks/search.py [--seeds 200] [--json]
+    python benchmarks/search.py [--seeds 200] [--quick] [--json]
 
 All 2047 subsets of the embedded bank are scored (``exhaustive.py``), so no network runs: an
 evaluation is a look into that table, and only distinct ones count, as in the evaluation store. Regret is the
@@ -12,18 +12,16 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from exhaustive import subset_scores
 from landscapes import Landscape
 from pictures import lines, picture
-from processes import shown
-from stages import answered
+from processes import answered, shown
+from tabulated import numbers
 
-from sfkit.evaluation.outcome import Outcome
-from sfkit.merging.recipe import Recipe
 from sfkit.search import SubsetSearch, SubsetSettings
 from sfkit.search.breeding import Draft, bred, initial, survivors
 from sfkit.search.operators import Chromosome, mutate, random_chromosome
@@ -167,52 +165,44 @@ def measure(name: str, search: Search, land: Landscape, seeds: int) -> SearchRow
 
 def check(land: Landscape) -> None:
     """The genetic algorithm here walks the way of ``SubsetSearch`` itself, candidate by candidate."""
-    table = subset_scores()
-
-    def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
-        return [Outcome(land.scores[table.mask(recipe.sources)]) for recipe in recipes]
-
     for seed, settings in itertools.product(range(2), (SubsetSettings(), TRUNCATION)):
-        search = SubsetSearch(land.names, ("all",), scorer, replace(settings, seed=seed))
+        search = SubsetSearch(land.names, ("all",), land.scored, replace(settings, seed=seed))
         search.run()
-        theirs = [table.mask(candidate.recipe.sources) for candidate in search.state.candidates]
+        theirs = [land.mask(candidate.recipe.sources) for candidate in search.state.candidates]
         if theirs != genetic(settings)(land, seed):
             raise SystemExit(f"seed {seed}: this benchmark's search left the way of SubsetSearch")
 
 
-def compare(seeds: int, *, quick: bool = False) -> list[SearchRow]:
-    """All searches, on the scores on 20 pairs or, quick, on 8."""
-    land = Landscape(subset_scores(), quick=quick)
-    check(land)
-    return [measure(name, search, land, seeds) for name, search in searches().items()]
-
-
-def populations(seeds: int, *, quick: bool = False) -> list[SearchRow]:
-    """Ours over population sizes with the paper's 15 generations."""
-    land = Landscape(subset_scores(), quick=quick)
-    return [measure(str(m), genetic(SubsetSettings(population=m)), land, seeds) for m in POPULATIONS]
-
-
 def table(rows: Sequence[SearchRow], first: str) -> str:
     """The rows as a Markdown table."""
-    marks = " | ".join(f"regret at {mark}" for mark in MARKS)
-    lines = [
-        f"| {first} | candidates | distinct | found the optimum | after distinct | {marks} | at the end |",
-        "|---|--:|--:|--:|--:|" + "--:|" * (len(MARKS) + 1),
-    ]
-    for row in rows:
-        regrets = " | ".join(f"{value:.3f}" for value in row.regrets)
-        after = "never" if np.isnan(row.to_optimum) else f"{row.to_optimum:.0f}"
-        lines.append(
-            f"| {row.name} | {row.candidates:.0f} | {row.distinct:.0f} | {100 * row.optimum:.0f} % "
-            f"| {after} | {regrets} |"
+    marks = (*(f"regret at {mark}" for mark in MARKS), "at the end")
+    heads = (first, "candidates", "distinct", "found the optimum", "after distinct", *marks)
+    cells = [
+        (
+            row.name,
+            f"{row.candidates:.0f}",
+            f"{row.distinct:.0f}",
+            f"{100 * row.optimum:.0f} %",
+            "never" if np.isnan(row.to_optimum) else f"{row.to_optimum:.0f}",
+            *(f"{value:.3f}" for value in row.regrets),
         )
-    return "\n".join(lines)
+        for row in rows
+    ]
+    return numbers(heads, cells)
 
 
-def both(seeds: int, quick: bool) -> dict[str, list[SearchRow]]:
-    """The two tables."""
-    return {"searches": compare(seeds, quick=quick), "populations": populations(seeds, quick=quick)}
+def compare(several: Mapping[str, Search], seeds: int, *, quick: bool) -> list[SearchRow]:
+    """A row a search, on the scores on 20 pairs or, quick, on 8."""
+    land = Landscape(subset_scores(), quick=quick)
+    check(land)
+    return [measure(name, search, land, seeds) for name, search in several.items()]
+
+
+def both(seeds: int = SEEDS, quick: bool = False) -> dict[str, list[SearchRow]]:
+    """All searches, and ours over population sizes with the paper's 15 generations."""
+    sizes = {str(size): genetic(SubsetSettings(population=size)) for size in POPULATIONS}
+    kinds = {"searches": searches(), "populations": sizes}
+    return {kind: compare(several, seeds, quick=quick) for kind, several in kinds.items()}
 
 
 def tables(found: dict[str, list[SearchRow]]) -> str:
@@ -225,8 +215,8 @@ SHOWN = 450
 
 def section() -> str:
     """Tables, a picture, and what they say."""
-    rows, sizes = compare(SEEDS), populations(SEEDS)
-    quick = compare(SEEDS, quick=True)
+    rows, sizes = both().values()
+    quick = compare(searches(), SEEDS, quick=True)
     best = min(rows, key=lambda row: row.curve[99])
     curves = {
         row.name: (list(range(1, SHOWN + 1)), (*row.curve, *[row.curve[-1]] * SHOWN)[:SHOWN]) for row in rows
@@ -239,9 +229,8 @@ def section() -> str:
         x="distinct evaluations",
         y="mean regret (percentage points)",
     )
-    figure.update_yaxes(
-        range=[0, 1.2], rangemode="normal"
-    )  # single sources, which soups try first, lie above
+    # Single sources, which soups try first, lie above.
+    figure.update_yaxes(range=[0, 1.2], rangemode="normal")
     shot = picture(figure, "search", "Regret of each search against distinct evaluations")
     return f"""## Searches against the true optimum
 
@@ -286,4 +275,4 @@ def dominates(rows: Sequence[SearchRow], name: str, other: str) -> bool:
 
 
 if __name__ == "__main__":
-    answered(__doc__, both, {"seeds": SEEDS, "quick": False}, tables)
+    answered(both, tables)

@@ -13,9 +13,9 @@ from functools import lru_cache
 from itertools import combinations, islice
 from pathlib import Path
 
-import evidence_real
 import numpy as np
 from exhaustive import evaluated
+from real_pairs import PAIRS, benchmarks, opened, window
 
 import sfkit
 from sfkit.bank import VALIDATION, benchmark
@@ -80,9 +80,7 @@ def world(kind: str, seed: int, store: sfkit.EvaluationStore) -> SearchWorld:
         seed: which pairs, and the searches' draws.
         store: keeps every evaluation.
     """
-    pool, guide = (
-        (bank_pool(), bank_pairs(seed)) if kind == BANK else (evidence_real.opened(), real_pairs(seed))
-    )
+    pool, guide = (bank_pool(), bank_pairs(seed)) if kind == BANK else (opened(), real_pairs(seed))
     scorer = Together(sfkit.Evaluator(pool, guide, store=store))
     stage1 = sfkit.BayesianSubsetSearch(
         pool.names, pool.blocks, scorer, sfkit.BayesianSubsetSettings(seed=seed)
@@ -107,7 +105,7 @@ def bank_pairs(seed: int) -> Benchmark:
 
 def real_pairs(seed: int) -> Benchmark:
     """Windows of three of the five real pairs; the seed says which."""
-    every = combinations(evidence_real.PAIRS, REAL_PAIRS)
+    every = combinations(PAIRS, REAL_PAIRS)
     (names,) = islice(every, seed, seed + 1)
     found = real_samples()
     return memory_benchmark("real-windows", [found[name] for name in names], metric="bad-1.0")
@@ -118,16 +116,8 @@ def real_samples() -> dict[str, Sample]:
     """A window of every real pair, by the data set's name."""
     return {
         name: replace(window(whole.pairs[0].load(), REAL_WINDOW), id=name)
-        for name, whole in evidence_real.benchmarks().items()
+        for name, whole in benchmarks().items()
     }
-
-
-def window(sample: Sample, size: tuple[int, int]) -> Sample:
-    """The middle of a pair, at most (height, width) pixels of it, the same in both views."""
-    top, left = (max(0, whole - part) // 2 for whole, part in zip(sample.size, size, strict=True))
-    cut = (slice(top, top + size[0]), slice(left, left + size[1]))
-    arrays = {name: np.ascontiguousarray(array[cut]) for name, array in sample.arrays().items()}
-    return Sample(id=sample.id, **arrays)
 
 
 def store_in(folder: Path) -> sfkit.EvaluationStore:

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from openstereo import answer, rows, walk
-from processes import call, shown
+from openstereo import table, walk
+from processes import answered, call, folder_of, shown
 
 CHECKOUTS = "SFKIT_CHECKOUTS"
 SIZE = (128, 192)  # height and width of the part of the real pair, in pixels
@@ -37,27 +36,25 @@ CASES = {
 }
 
 
-def measure(name: str, checkouts: Path, real: Path) -> dict[str, Any]:
+def measure(name: Literal["RAFT-Stereo", "IGEV-Stereo", "GMStereo"]) -> dict[str, Any]:
     """Walk one network's road."""
     case = CASES[name]
-    return {"name": name, **walk(case.kind, {"root": str(checkouts / case.root), **case.options}, SIZE, real)}
+    options = {"root": str(folder_of(CHECKOUTS) / case.root), **case.options}
+    return {"name": name, **walk(case.kind, options, SIZE)}
 
 
 def section() -> str:
     """One row a network, each measured in a process of its own."""
-    lines = [
-        "## Networks of stand-alone repositories",
-        "",
-        f"`{shown('standalone.py', 'NAME')}` with `SFKIT_CHECKOUTS` naming a folder of checkouts of",
-        "princeton-vl/RAFT-Stereo (March 2023), gangweiX/IGEV (December 2024) and autonomousvision/unimatch",
-        "(January 2025), whose code runs as it stands, and timm 1.0; RAFT-Stereo and IGEV-Stereo run 4",
-        "updates. Weights, pair, seconds and search are as in the OpenStereo section: they tell that all",
-        "steps run and what they take, not how well such networks merge.",
-        "",
-        rows(call("standalone.py", name, "--json") for name in CASES),
-    ]
-    return "\n".join(lines)
+    return f"""## Networks of stand-alone repositories
+
+`{shown("standalone.py", "NAME")}` with `SFKIT_CHECKOUTS` naming a folder of checkouts of
+princeton-vl/RAFT-Stereo (March 2023), gangweiX/IGEV (December 2024) and autonomousvision/unimatch
+(January 2025), whose code runs as it stands, and timm 1.0; RAFT-Stereo and IGEV-Stereo run 4
+updates. Weights, pair, seconds and search are as in the OpenStereo section: they tell that all
+steps run and what they take, not how well such networks merge.
+
+{table(call("standalone.py", name, "--json") for name in CASES)}"""
 
 
 if __name__ == "__main__":
-    answer(__doc__, CHECKOUTS, CASES, measure)
+    answered(measure)

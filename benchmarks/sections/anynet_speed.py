@@ -17,9 +17,6 @@ from sfkit.architectures.anynet import AnyNet, Route
 
 DOCUMENT = "benchmarks/README.md"
 
-SIZES = ((256, 512), (384, 1248), (496, 752))
-THREADS = (1, 2)
-
 
 @dataclass(frozen=True)
 class RouteTimes:
@@ -38,23 +35,22 @@ class RouteTimes:
 
 
 def measure(
-    *, sizes: Sequence[tuple[int, int]] = SIZES, threads: Sequence[int] = THREADS, repeats: int = 7
+    sizes: Sequence[tuple[int, int]] = ((256, 512), (384, 1248), (496, 752)),
+    threads: Sequence[int] = (1, 2),
+    repeats: int = 7,
 ) -> list[RouteTimes]:
     """Both routes at every size (height, width in pixels, multiples of 16) and number of threads.
 
     Weights and images are random: they do not change the time.
     """
     network = AnyNet().eval()
-    before = torch.get_num_threads()
-    records = []
-    try:
-        for count in threads:
-            torch.set_num_threads(count)
-            for height, width in sizes:
-                plain, fast = _times(network, height, width, repeats)
-                records.append(RouteTimes(height, width, count, plain, fast))
-    finally:
-        torch.set_num_threads(before)
+    before, records = torch.get_num_threads(), []
+    for count in threads:
+        torch.set_num_threads(count)
+        for height, width in sizes:
+            plain, fast = _times(network, height, width, repeats)
+            records.append(RouteTimes(height, width, count, plain, fast))
+    torch.set_num_threads(before)
     return records
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
-from pathlib import Path
 
 import pandas as pd
-from processes import sfkit
+from processes import RESULTS, sfkit
 from tabulated import markdown
 
 from sfkit.bank.demo import TEST_PAIRS
 
-OUT = Path(__file__).parents[2] / "runs" / "results" / "demo"
+OUT = RESULTS / "demo"
 
 
 def section() -> str:

@@ -5,7 +5,6 @@ CPU seconds of one thread, the shortest of several passes that take turns: on a 
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,15 +13,17 @@ from pathlib import Path
 import numpy as np
 import onnxruntime
 import torch
+from processes import RESULTS
 from processes import sfkit as command
+from real_pairs import data
+from tabulated import numbers
 
 import sfkit
-from sfkit.analysis.tables import markdown_lines
 from sfkit.exporting.export import rendered_pair
 
 DOCUMENT = "benchmarks/README.md"
 
-FILE = Path(__file__).parents[2] / "runs" / "results" / "exported" / "anynet.onnx"
+FILE = RESULTS / "exported" / "anynet.onnx"
 SIZES = ((256, 512), (384, 1248))
 
 
@@ -94,7 +95,7 @@ def _shortest(passes: tuple[Callable[[], object], ...], repeats: int) -> list[fl
 
 def section() -> str:
     """One row a size; the file is exported unless it lies there."""
-    base = Path(os.environ["SFKIT_REAL_DATA"]) / "anynet" / "base_sceneflow.tar"
+    base = data() / "anynet" / "base_sceneflow.tar"
     if not FILE.is_file():
         FILE.parent.mkdir(parents=True, exist_ok=True)
         command("export", str(base), "--architecture", "anynet", "--dynamic", "-o", str(FILE))
@@ -115,4 +116,4 @@ The real base with its propagation stage; one ONNX file of `sfkit export --dynam
 pairs. CPU milliseconds of one thread, the shortest of nine passes that take turns. PyTorch runs the fast
 route, and onnxruntime the plain one that an exporter can write, normalisation included.
 
-{markdown_lines(columns, rows, [False, *[True] * 4])}"""
+{numbers(columns, rows)}"""

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import pandas as pd
-from census import FRAMES
+from processes import RESULTS
 from processes import sfkit as command
-from real_pairs import gather
+from real_pairs import FRAMES, POOL, data, frames, gather
 from tabulated import markdown
 
 import sfkit
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.datasets import memory_benchmark
-from sfkit.datasets.training_sets import open_training_set
 from sfkit.evaluation import score_recipes
 from sfkit.files import write_text
 from sfkit.merging import Pool
@@ -23,27 +21,25 @@ from sfkit.outside import toml_value
 from sfkit.training.finetune import training_folder
 
 ROOT = Path(__file__).parents[2]
-OUT = ROOT / "runs" / "results" / "finetuned"
-REAL = ROOT / "tests" / "pools" / "anynet_real.toml"
+OUT = RESULTS / "finetuned"
 STEPS, BATCH, CROP = 200, 2, "128x256"
 POPULATION, GENERATIONS, EVALUATIONS = 8, 4, 20
 
 
 def tuned(name: str) -> Path:
     """The source of one data set's frames; one that is there is not trained again."""
-    real = Path(os.environ["SFKIT_REAL_DATA"])
     out = OUT / f"{name}.safetensors"
     if not out.exists():
         words = f"-a anynet --all --epochs 1000 --max-steps {STEPS} --batch {BATCH} --crop {CROP}".split()
-        root = real / "sources" / FRAMES[name]
-        base = real / "anynet" / "base_sceneflow.tar"
+        root = data() / "sources" / FRAMES[name]
+        base = data() / "anynet" / "base_sceneflow.tar"
         command("finetune", str(base), name, "--root", str(root), "--out", str(out), *words)
     return out
 
 
 def pool_file(tuned_files: list[Path]) -> Path:
     """The real pool and the sources that were trained here, which lie elsewhere: every path is absolute."""
-    spec = read_pool_spec(REAL)
+    spec = read_pool_spec(POOL)
     named = {**{source.name: source.path for source in spec.sources}, **{f.stem: f for f in tuned_files}}
     lines = [
         f'name = "{spec.name}"\narchitecture = "{spec.architecture}"\nroot = "/"',
@@ -56,9 +52,8 @@ def pool_file(tuned_files: list[Path]) -> Path:
 def at_home(pool: Pool) -> pd.DataFrame:
     """What each training took, and end-point error on its own frames, of the base and of the source."""
     rows = {}
-    for name, place in FRAMES.items():
-        root = Path(os.environ["SFKIT_REAL_DATA"]) / "sources" / place
-        own = memory_benchmark(name, open_training_set(name, root, hold_out=False).pairs, metric="epe")
+    for name in FRAMES:
+        own = memory_benchmark(name, frames(name), metric="epe")
         scores = score_recipes(pool, {"base": pool.base_recipe(), "own": pool.equal(name)}, [own])
         base, source = scores.set_index("network")["score"][["base", "own"]]
         said = json.loads((training_folder(OUT / f"{name}.safetensors") / "training.json").read_text())
@@ -70,7 +65,7 @@ def at_home(pool: Pool) -> pd.DataFrame:
 def section() -> str:
     """Train, open, search, and show what each of them said."""
     OUT.mkdir(parents=True, exist_ok=True)
-    guides, _ = gather(ROOT / "runs" / "results" / "real_pairs")
+    guides, _ = gather(RESULTS / "real_pairs")
     path = pool_file([tuned(name) for name in FRAMES])
     pool = sfkit.open_pool(path)
     sizes = f"--population {POPULATION} --generations {GENERATIONS} --evaluations {EVALUATIONS}".split()

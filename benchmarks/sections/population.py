@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from exhaustive import SubsetScores, subset_scores, table_path
 from landscapes import Landscape
 from tabulated import markdown
 
 from sfkit.analysis import PopulationSizes, population_sizes
-from sfkit.evaluation.outcome import Outcome
-from sfkit.merging.recipe import Recipe
 
 BANKS = ("bank", "bank-sharp")
 SIZES = (4, 8, 12, 20, 30, 40, 50, 60)
@@ -21,15 +17,10 @@ GENERATIONS = 15
 def measure(table: SubsetScores | None = None) -> PopulationSizes:
     """Stage 1 with every size and seed on the bank's table."""
     land = Landscape(table or subset_scores())
-
-    def scored(recipes: Sequence[Recipe]) -> list[Outcome]:
-        masks = (sum(1 << land.names.index(name) for name in recipe.sources) for recipe in recipes)
-        return [Outcome(land.scores[mask]) for mask in masks]
-
     return population_sizes(
         land.names,
         ("all",),
-        scored,
+        land.scored,
         sizes=SIZES,
         seeds=SEEDS,
         generations=GENERATIONS,

@@ -3,37 +3,30 @@
 from __future__ import annotations
 
 import json
-import os
 import time
 from pathlib import Path
 
 import pandas as pd
-from processes import sfkit
+from processes import RESULTS, sfkit
+from real_pairs import CODINGS, POOL, data
 from tabulated import markdown
 
 ROOT = Path(__file__).parents[2]
-PAIRS = {"motorcycle": "npz:arr_0", "cones": "png8:4", "reindeer": "png8:2"}
-
-
-def report_on(data: Path) -> list[dict[str, object]]:
-    """The KITTI 2012 pair, which the sources may have seen in training, and three unseen ones."""
-    kitti = {"name": "kitti2012", "root": str(data / "kitti2012"), "protocol": "all-valid"}
-    return [
-        kitti,
-        *({"name": "pairs", "root": str(data / "pairs" / n), "coding": c} for n, c in PAIRS.items()),
-    ]
 
 
 def section() -> str:
     """Run the report command and show the table it wrote."""
-    data = Path(os.environ["SFKIT_REAL_DATA"])
-    out = ROOT / "runs" / "results" / "quickstart"
+    # The KITTI 2012 pair, which the sources may have seen in training, and three unseen ones.
+    report_on = [{"name": "kitti2012", "root": str(data() / "kitti2012"), "protocol": "all-valid"}]
+    for name, coding in CODINGS.items():
+        report_on.append({"name": "pairs", "root": str(data() / "pairs" / name), "coding": coding})
+    out = RESULTS / "quickstart"
     values = {
-        "pool": str(ROOT / "tests" / "pools" / "anynet_real.toml"),
+        "pool": str(POOL),
         "benchmark": "eth3d",
-        "benchmark_root": str(data / "eth3d"),
+        "benchmark_root": str(data() / "eth3d"),
         "protocol": "raft",
-        "report_on": json.dumps(report_on(data)),
+        "report_on": json.dumps(report_on),
         "report_metrics": json.dumps(["bad-1.0", "bad-2.0", "epe"]),
         "out": str(out),
     }

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
+from processes import RESULTS
 from tabulated import markdown
 
 import sfkit
 from sfkit import analysis, bank
 from sfkit.analysis import Study
 
-FOLDER = Path(__file__).parents[2] / "runs" / "results" / "report_bank"
+FOLDER = RESULTS / "report_bank"
 POOL = "bank-sharp"
 METHODS = ("single_best", "single_best_oracle", "uniform", "task_arithmetic", "greedy_soup", "ties")
 STAGES = ("stage1", "stage1_2")
@@ -44,7 +44,6 @@ def measure() -> Study:
 def section() -> str:
     """Its sentences and its tables."""
     study = measure()
-    said = "\n".join(f"- {sentence}" for sentence in analysis.summary(study))
     return f"""## The report on the embedded bank
 
 What a report says of the pool `{POOL}`, by its own calls (`analysis.study`, `analysis.summary`): 11
@@ -52,21 +51,7 @@ sources, M = {POPULATION}, T = {GENERATIONS}, {EVALUATIONS} evaluations of Stage
 Methods that draw or learn are left out to keep it short. {GUIDES} pairs of courtyard guide, {TESTS} pairs
 each of three other worlds test. What it says first:
 
-{said}
-
-The methods, tuned on validation alone; `*` marks what guided them, `†` a row that chose by the mean of all:
-
-{markdown(study.table())}
-
-Against {study.reference} on the mean of the unseen, in points; `low` and `high` are the ends of the 95 %
-interval of that difference alone, over images and, where a method draws, its seeds; the verdicts are
-corrected for all {study.comparison.family} comparisons there:
-
-{markdown(study.differences_table())}
-
-Single sources:
-
-{markdown(study.sources_table())}
+{tables(study, "on the mean of the unseen")}
 
 What each method took, all its runs together, and beside joint retraining and the fine-tuning of the sources,
 whose seconds were measured when the bank was built:
@@ -74,3 +59,23 @@ whose seconds were measured when the bank was built:
 {markdown(study.cost_table(), digits=1)}
 
 {markdown(study.overhead_table(bank.training_seconds(POOL), bank.joint_training(POOL)[1]), digits=1)}"""
+
+
+def tables(study: Study, where: str) -> str:
+    """What a report says first, its methods, their differences to the best, and the sources."""
+    said = "\n".join(f"- {sentence}" for sentence in analysis.summary(study))
+    return f"""{said}
+
+The methods, tuned on validation alone; `*` marks what guided them, `†` a row that chose by the mean of all:
+
+{markdown(study.table())}
+
+Against {study.reference} {where}, in points; `low` and `high` are the ends of the 95 %
+interval of that difference alone, over images and, where a method draws, its seeds; the verdicts are
+corrected for all {study.comparison.family} comparisons there:
+
+{markdown(study.differences_table())}
+
+Single sources:
+
+{markdown(study.sources_table())}"""

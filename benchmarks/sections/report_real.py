@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pandas as pd
+from processes import RESULTS
 from real_pairs import SIZE, gather
+from sections.report_bank import tables
 from tabulated import markdown
 
 import sfkit
@@ -13,7 +15,6 @@ from sfkit import analysis, baselines
 from sfkit.analysis import Study
 
 ROOT = Path(__file__).parents[2]
-RUNS = ROOT / "runs" / "results"
 POOL = "tests/pools/anynet_real_six.toml"
 LEFT_OUT = ("adamerging", "adamerging_blocks", "exhaustive")
 POPULATION, GENERATIONS, EVALUATIONS, SEEDS = 16, 6, 30, 3
@@ -21,8 +22,8 @@ POPULATION, GENERATIONS, EVALUATIONS, SEEDS = 16, 6, 30, 3
 
 def measure() -> Study:
     """The study that a report is made of; its store goes on where it was."""
-    guides, unseen = gather(RUNS / "real_pairs")
-    store = RUNS / "report_real" / "evaluations.sqlite"
+    guides, unseen = gather(RESULTS / "real_pairs")
+    store = RESULTS / "report_real" / "evaluations.sqlite"
     store.parent.mkdir(parents=True, exist_ok=True)
     experiment = analysis.Experiment(
         sfkit.open_pool(ROOT / POOL),
@@ -43,7 +44,6 @@ def section() -> str:
     pool, (height, width) = study.experiment.pool, SIZE
     geometry = analysis.task_vector_geometry(pool)
     cosines = pd.DataFrame(geometry.cosines, index=pool.names, columns=pool.names).rename_axis("source")
-    said = "\n".join(f"- {sentence}" for sentence in analysis.summary(study))
     return f"""## The report on real AnyNet checkpoints
 
 What a report says of the pool `{POOL}`, by its own calls (`analysis.study`, `analysis.summary`): six sources
@@ -55,21 +55,7 @@ Middlebury's Motorcycle, three frames of SceneFlow (the base's training set), on
 TartanAir. Of images larger than {width} x {height} pixels that middle is taken. `all-valid` and bad-1.0
 everywhere. What it says first:
 
-{said}
-
-All methods; `*` marks what guided them, `†` a row that chose by the mean of all:
-
-{markdown(study.table())}
-
-Against {study.reference} on what nobody saw, in points; `low` and `high` are the ends of the 95 % interval
-of that difference alone, over images and, where a method draws, its seeds; the verdicts are corrected for all
-{study.comparison.family} comparisons there:
-
-{markdown(study.differences_table())}
-
-Single sources:
-
-{markdown(study.sources_table())}
+{tables(study, "on what nobody saw")}
 
 Which sources the seeds of both stages chose:
 

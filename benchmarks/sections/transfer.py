@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pandas as pd
-from processes import sfkit
+from processes import RESULTS, sfkit
 from tabulated import markdown
-
-ROOT = Path(__file__).parents[2]
 
 
 def section() -> str:
@@ -33,7 +29,7 @@ def tables(name: str, **values: object) -> tuple[str, str]:
 
     Run again it goes on from the store it left behind.
     """
-    out = ROOT / "runs" / "results" / name
+    out = RESULTS / name
     given = [word for key, value in values.items() for word in ("-p", key, str(value))]
     sfkit("report", "08_transfer_and_growth", *given, "-p", "out", str(out), "-o", str(out / "report.html"))
     moved = pd.read_csv(out / "tables" / "transfer.csv")

@@ -21,8 +21,7 @@ simplest within one standard error named beside it. No rule is free: with three 
 Stage 1 elsewhere in five runs of ten. The average of the bootstrap's winners gains 0.53 and 0.46 points
 over it and loses 0.28 on the sharp bank, where half the time the best is a source alone, which no search
 proposes: it is better in 18 of 30 runs, by 0.24 points at the mean. That is too little to make it the
-default, and it goes first only where a search was asked for it. ``benchmarks/verdict_rules.py`` goes on
-with the runs.
+default, and it goes first only where a search was asked for it.
 """
 
 from __future__ import annotations
