@@ -18,7 +18,7 @@ from functools import partial
 import evidence_bank
 import evidence_real
 import pandas as pd
-from evidence_bank import FIRST, SHARP, Study
+from evidence_bank import FIRST, SHARP, EvidenceStudy
 from kept import RUNS, Job, KeptRuns
 from real_pairs import PAIRS
 from trials import with_changes
@@ -28,7 +28,7 @@ from sfkit.bank import VALIDATION
 from sfkit.evaluation.separation import marked
 
 
-def jobs(study: Study = FIRST) -> dict[str, Job]:
+def jobs(study: EvidenceStudy = FIRST) -> dict[str, Job]:
     """Every comparison by name, in the order they are run: the first seed of each first."""
     found = evidence_bank.jobs(study)
     if study is FIRST:
@@ -41,7 +41,7 @@ def _turn(name: str) -> int:
     return int(name.rpartition("-")[2]) + name.startswith(("guards-20", "guards-40"))
 
 
-def kept_of(study: Study = FIRST) -> KeptRuns:
+def kept_of(study: EvidenceStudy = FIRST) -> KeptRuns:
     """The comparisons of a study, those of the sharp bank in a folder of their own."""
     return KeptRuns(__doc__, partial(jobs, study), RUNS if study is FIRST else RUNS / "sharp")
 
@@ -58,7 +58,7 @@ def section() -> str:
     return written(FIRST, kept, HEAD)
 
 
-def written(study: Study, kept: KeptRuns, head: str) -> str:
+def written(study: EvidenceStudy, kept: KeptRuns, head: str) -> str:
     """The tables of a study below what its section begins with.
 
     Raises:
@@ -83,7 +83,7 @@ On the embedded bank both stages are guided by pairs of `courtyard`, drawn anew 
 LISTED = ", ".join(f"`{name}`" for name in evidence_bank.WORLDS)
 
 
-def _budgets(study: Study) -> str:
+def _budgets(study: EvidenceStudy) -> str:
     stage1 = f"M = {evidence_bank.POPULATION} and T = {evidence_bank.GENERATIONS}"
     return f"""{stage1}, Stage 2 with {study.evaluations}
 evaluations. Changes are against Stage 1's equal weights, x = 0, in points of bad-3.0;
@@ -108,7 +108,7 @@ COURSE = """### The plain search on its way
 What it would have returned after so many evaluations."""
 
 
-def _guards(frame: pd.DataFrame, study: Study) -> str:
+def _guards(frame: pd.DataFrame, study: EvidenceStudy) -> str:
     if frame.empty:
         return ""
     rows = [
@@ -129,7 +129,7 @@ def _course(frame: pd.DataFrame) -> str:
     return f"{COURSE}\n\n{markdown_lines(('pairs', 'evaluations', *COLUMNS), rows)}"
 
 
-def _routing(frame: pd.DataFrame, text: str, study: Study) -> str:
+def _routing(frame: pd.DataFrame, text: str, study: EvidenceStudy) -> str:
     if frame.empty:
         return ""
     rows = [(trial, *_columns(part)) for trial, part in _ends(frame, study).groupby("trial", sort=False)]
@@ -162,7 +162,7 @@ out one data set each. KITTI 2012's pair belongs to the training images of these
 COLUMNS = ("validation", "new pairs", "other worlds", "distance")
 
 
-def _ends(frame: pd.DataFrame, study: Study) -> pd.DataFrame:
+def _ends(frame: pd.DataFrame, study: EvidenceStudy) -> pd.DataFrame:
     return _changed(frame[frame["evaluations"] == study.evaluations])
 
 

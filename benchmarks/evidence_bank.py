@@ -26,7 +26,7 @@ POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
 
 
 @dataclass(frozen=True)
-class Study:
+class EvidenceStudy:
     """A bank, and how much is spent on comparing the ways to run Stage 2 there.
 
     Attributes:
@@ -52,11 +52,11 @@ class Study:
 
 FEW = ("plain", "plain, x / 2", "shrinkage 0.05", "hold-out 1/2")
 WAYS_TO_GUARD = (*FEW, "4 folds", "entropy 0.5")
-FIRST = Study("bank", 300, 20, (40, 80, 150), {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}, WAYS_TO_GUARD, 10, 3)
-SHARP = Study("bank-sharp", 60, 8, (20, 40), {2: 10, 5: 10, 10: 4}, FEW, 5, 2)
+FIRST = EvidenceStudy("bank", 300, 20, (40, 80, 150), {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}, WAYS_TO_GUARD, 10, 3)
+SHARP = EvidenceStudy("bank-sharp", 60, 8, (20, 40), {2: 10, 5: 10, 10: 4}, FEW, 5, 2)
 
 
-def jobs(study: Study = FIRST) -> dict[str, Job]:
+def jobs(study: EvidenceStudy = FIRST) -> dict[str, Job]:
     """Name -> comparison on a bank, the first seed of each first."""
     found: dict[str, Job] = {}
     for seed in range(max(study.seeds.values())):
@@ -101,7 +101,7 @@ def routings(evaluations: int) -> list[Trial]:
     ]
 
 
-def partitions(study: Study, seed: int, folder: Path) -> pd.DataFrame:
+def partitions(study: EvidenceStudy, seed: int, folder: Path) -> pd.DataFrame:
     """The architecture's blocks and those made from the network itself, tied and block-specific."""
     ways = {"architecture's": None, **{by: auto_partition(opened(study.bank), by=by) for by in WAYS}}
     kinds = {"tied": True, "block-specific": False}
@@ -114,7 +114,7 @@ def partitions(study: Study, seed: int, folder: Path) -> pd.DataFrame:
 
 
 def compared(
-    study: Study, pairs: int, seed: int, ways: Sequence[Trial], marks: Sequence[int], folder: Path
+    study: EvidenceStudy, pairs: int, seed: int, ways: Sequence[Trial], marks: Sequence[int], folder: Path
 ) -> pd.DataFrame:
     """Both stages guided by ``pairs`` pairs of the validation world, drawn by the seed."""
     pool = opened(study.bank)

@@ -4,12 +4,12 @@
     python benchmarks/results.py bigpool
     python benchmarks/results.py                    # all of them, one after the other
 
-To add a section, add one file with a docstring and ``section() -> str``: Markdown that begins with a ``## ``
-heading and says which commands it ran. It lies here where it is a command of its own, else in ``sections``.
-Underscores in the file's name are hyphens in the section's. What is about speed, or about searches on known
-ground, says ``DOCUMENT = "benchmarks/README.md"``; other sections go to ``docs/results.md``. Nothing else
-needs to know of it: date, machine and command are added here, and the text between ``<!-- begin NAME -->``
-and ``<!-- end NAME -->`` is replaced, or added at the end.
+To add a section, add one file with a docstring, ``measure()`` and ``section() -> str``: Markdown that begins
+with a ``## `` heading and says which commands it ran. It lies here where it is a command of its own, else in
+``sections``. Underscores in the file's name are hyphens in the section's. What is about speed, or about
+searches on known ground, says ``DOCUMENT = "benchmarks/README.md"``; other sections go to
+``docs/results.md``. Nothing else needs to know of it: date, machine and command are added here, and the text
+between ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` is replaced, or added at the end.
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ part ``faults`` is all tests of faults as ``make test`` runs them, for what they
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import resource
@@ -21,6 +20,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from processes import answered
+from tabulated import numbers
 
 DOCUMENT = "benchmarks/README.md"
 
@@ -133,11 +135,11 @@ def read(name: str, text: str) -> SoakPart:
 
 def table(parts: Sequence[SoakPart]) -> str:
     """A row a part."""
-    rows = ["| part | survived | tests passed | failed | CPU seconds |", "|---|---|---|---|---|"]
+    rows = []
     for part in parts:
         cost = "stopped" if part.seconds != part.seconds else f"{part.seconds:.0f}"
-        rows.append(f"| {part.name} | {part.said} | {len(part.passed)} | {len(part.failed)} | {cost} |")
-    return "\n".join(rows)
+        rows.append((part.name, part.said, len(part.passed), len(part.failed), cost))
+    return numbers(("part", "survived", "tests passed", "failed", "CPU seconds"), rows, 2)
 
 
 def kept(folder: Path = LOGS) -> list[SoakPart]:
@@ -151,25 +153,28 @@ def _spent() -> float:
     return used.ru_utime + used.ru_stime
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the parts, or read them, and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--kills", type=int, default=200)
-    parser.add_argument("--fuzz", type=int, default=2000)
-    parser.add_argument("--parts", nargs="*", choices=list(PARTS), default=list(PARTS))
-    parser.add_argument("--again", default="", metavar="WORDS", help="of each part, as pytest's -k")
-    parser.add_argument("--read", action="store_true", help="run nothing")
-    options = parser.parse_args(arguments)
-    for name in () if options.read else options.parts:
-        run(name, options.kills, options.fuzz, LOGS / f"{name}.log", options.again)
-    print(table(kept()))
+def measure(
+    kills: int = 200,
+    fuzz: int = 2000,
+    parts: tuple[str, ...] = tuple(PARTS),
+    again: str = "",
+    read: bool = False,
+) -> list[SoakPart]:
+    """Run the parts, or of each the tests that ``again`` names as pytest's ``-k`` does; all that were run.
+
+    Raises:
+        SystemExit: there is no such part.
+    """
+    if unknown := [name for name in parts if name not in PARTS]:
+        raise SystemExit(f"unknown part {unknown[0]!r}, expected one of: {', '.join(PARTS)}")
+    for name in () if read else parts:
+        run(name, kills, fuzz, LOGS / f"{name}.log", again)
+    return kept()
 
 
 def section() -> str:
     """The soak's last run, read where there is one in ``build/soak``, else run whole."""
-    if not kept():
-        main([])
-    parts = kept()
+    parts = kept() or measure()
     left = [name for name in PARTS if name not in {part.name for part in parts}]
     note = f"\n\nNot run that time: {', '.join(left)}." if left else ""
     return f"""## The soak: kill -9 and damaged files
@@ -184,4 +189,4 @@ cut out, put in or changed: only `InputError` may come out. `faults` is what all
 
 
 if __name__ == "__main__":
-    main()
+    answered(measure, table)

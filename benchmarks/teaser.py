@@ -11,13 +11,13 @@ that an interrupted run goes on.
 
 from __future__ import annotations
 
-import argparse
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import torch
 from kept import RUNS
+from processes import answered
 
 import sfkit
 from sfkit import bank
@@ -85,34 +85,36 @@ def _searching(found: SearchResult, stage: str) -> float:
     return float(sum(spent.values()))
 
 
-def main() -> None:
-    """Measure one bank, and keep the table."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--pool", default="bank-sharp", help="a bank's name")
-    parser.add_argument("--joint", type=Path, help="its joint network, unless it ships with one")
-    parser.add_argument("--seconds", type=float, help="wall seconds of that one's training")
-    parser.add_argument("--population", type=int, default=20)
-    parser.add_argument("--generations", type=int, default=8)
-    parser.add_argument("--evaluations", type=int, default=100)
-    parser.add_argument("--resamples", type=int, default=200)
-    parser.add_argument("--pairs", type=int, default=8, help="that guide")
-    parser.add_argument("--tests", type=int, default=40, help="pairs of each unseen world")
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    if (asked.joint is None) != (asked.seconds is None):
-        parser.error("expected both of --joint and --seconds, or none: a time belongs to its network")
+def measure(
+    pool: str = "bank-sharp",
+    joint: Path | None = None,
+    seconds: float | None = None,
+    population: int = 20,
+    generations: int = 8,
+    evaluations: int = 100,
+    resamples: int = 200,
+    pairs: int = 8,
+    tests: int = 40,
+    seed: int = 0,
+) -> pd.DataFrame:
+    """Measure one bank, and keep the table.
+
+    ``joint`` is its joint network unless it ships with one, ``seconds`` the wall time of that one's training;
+    ``pairs`` guide, and ``tests`` are those of each unseen world.
+    """
+    if (joint is None) != (seconds is None):
+        raise SystemExit("expected both of --joint and --seconds, or none: a time belongs to its network")
     torch.set_num_threads(1)  # as trainings were timed
-    joint, seconds = asked.joint, asked.seconds
-    if joint is None:
-        joint, seconds = bank.joint_path(asked.pool), bank.joint_training(asked.pool)[1]
+    if joint is None or seconds is None:
+        joint, seconds = bank.joint_path(pool), bank.joint_training(pool)[1]
     plan = SearchPlan(
-        stage1=SubsetSettings(population=asked.population, generations=asked.generations, seed=asked.seed),
-        stage2=RoutingSettings(evaluations=asked.evaluations, seed=asked.seed),
-        resamples=asked.resamples,
+        stage1=SubsetSettings(population=population, generations=generations, seed=seed),
+        stage2=RoutingSettings(evaluations=evaluations, seed=seed),
+        resamples=resamples,
     )
-    table = teaser(asked.pool, joint, seconds, plan, asked.pairs, asked.tests)
-    print(table.to_string(index=False, float_format="{:.2f}".format))
-    write_text(FOLDER / f"{asked.pool}.csv", table.to_csv(index=False))
+    table = teaser(pool, joint, seconds, plan, pairs, tests)
+    write_text(FOLDER / f"{pool}.csv", table.to_csv(index=False))
+    return table
 
 
 def section() -> str:
@@ -150,4 +152,4 @@ def _table(name: str, frame: pd.DataFrame) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    answered(measure)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pandas as pd
 from processes import sfkit
@@ -10,8 +11,8 @@ from sections import report_bank as setting
 from tabulated import markdown
 
 
-def section() -> str:
-    """Make the report on that section's store, and show the tables that change one thing at a time."""
+def measure() -> Path:
+    """Make the report on that section's store; the folder of its tables."""
     out = setting.FOLDER
     values: dict[str, object] = {
         "pool": setting.POOL,
@@ -26,8 +27,15 @@ def section() -> str:
     given = [w for name, value in values.items() for w in ("-p", name, _text(value))]
     sfkit("report", "report", *given, "-p", "out", str(out), "-o", str(out / "report.html"))
 
+    return out / "tables"
+
+
+def section() -> str:
+    """The tables that change one thing at a time."""
+    folder = measure()
+
     def table(name: str, index: str) -> str:
-        return markdown(pd.read_csv(out / "tables" / f"{name}.csv", index_col=index))
+        return markdown(pd.read_csv(folder / f"{name}.csv", index_col=index))
 
     return f"""## What the answer on the embedded bank depends on
 

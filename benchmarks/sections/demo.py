@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from typing import Any
 
 import pandas as pd
 from processes import RESULTS, sfkit
@@ -14,10 +15,16 @@ from sfkit.bank.demo import TEST_PAIRS
 OUT = RESULTS / "demo"
 
 
-def section() -> str:
-    """Run ``sfkit demo`` and show its table."""
+def measure() -> dict[str, Any]:
+    """What ``sfkit demo`` prints."""
     shutil.rmtree(OUT, ignore_errors=True)
-    found = json.loads(sfkit("demo", "--json", "-o", str(OUT)))
+    found: dict[str, Any] = json.loads(sfkit("demo", "--json", "-o", str(OUT)))
+    return found
+
+
+def section() -> str:
+    """Its table."""
+    found = measure()
     table = pd.DataFrame.from_dict(found["table"], orient="index")
     return f"""## Demo on the embedded bank
 

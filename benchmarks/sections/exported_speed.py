@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -27,60 +26,40 @@ FILE = RESULTS / "exported" / "anynet.onnx"
 SIZES = ((256, 512), (384, 1248))
 
 
-@dataclass(frozen=True)
-class ExportTimes:
-    """Both on one height x width pair.
-
-    Attributes:
-        torch_ms: CPU milliseconds of a pass by PyTorch, on AnyNet's fast route.
-        onnx_ms: the same by onnxruntime.
-        largest: the largest difference of their disparities in pixels.
-    """
-
-    height: int
-    width: int
-    torch_ms: float
-    onnx_ms: float
-    largest: float
-
-
-def measure(base: Path, file: Path, *, repeats: int = 9) -> list[ExportTimes]:
-    """Both at every size, a rendered pair each.
+def measure(base: Path, file: Path, repeats: int = 9) -> list[tuple[str, ...]]:
+    """A row a size, on a rendered pair: passes by PyTorch and onnxruntime, and how far apart their maps are.
 
     Args:
         base: the checkpoint the file was exported from.
         file: an ONNX file for all sizes.
         repeats: passes of each.
     """
-    before = torch.get_num_threads()
     torch.set_num_threads(1)
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     session = onnxruntime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
     network = sfkit.load(base, architecture="anynet").loaded
-    records = []
-    try:
-        for height, width in SIZES:
-            images = rendered_pair((height, width))
-            pair = network.inputs.prepare(*images)
-            raw = {
-                side: image.transpose(2, 0, 1)[None].astype(np.float32)
-                for side, image in zip(("left", "right"), images, strict=True)
-            }
+    rows = []
+    for size in SIZES:
+        images = rendered_pair(size)
+        pair = network.inputs.prepare(*images)
+        left, right = (image.transpose(2, 0, 1)[None].astype(np.float32) for image in images)
+        given = {"left": left, "right": right}
+        maps: dict[str, np.ndarray] = {}
 
-            def by_torch(pair=pair) -> np.ndarray:  # type: ignore[no-untyped-def]
-                with torch.inference_mode():
-                    return network.network(pair.left, pair.right).reshape(pair.left.shape[-2:]).numpy()
+        def by_torch(pair=pair, maps=maps) -> None:  # type: ignore[no-untyped-def]
+            with torch.inference_mode():
+                found = network.network(pair.left, pair.right)
+                maps["torch"] = found.reshape(pair.left.shape[-2:]).numpy()
 
-            def by_onnx(raw=raw) -> np.ndarray:  # type: ignore[no-untyped-def]
-                return np.asarray(session.run(["disparity"], raw)[0][0])
+        def by_onnx(given=given, maps=maps) -> None:  # type: ignore[no-untyped-def]
+            maps["onnx"] = np.asarray(session.run(["disparity"], given)[0][0])
 
-            largest = float(np.abs(by_torch() - by_onnx()).max())
-            ours, theirs = _shortest((by_torch, by_onnx), repeats)
-            records.append(ExportTimes(height, width, 1e3 * ours, 1e3 * theirs, largest))
-    finally:
-        torch.set_num_threads(before)
-    return records
+        ours, theirs = _shortest((by_torch, by_onnx), repeats)
+        largest = float(np.abs(maps["torch"] - maps["onnx"]).max())
+        times = (f"{1e3 * ours:.1f}", f"{1e3 * theirs:.1f}", f"{theirs / ours:.2f}")
+        rows.append(("{} x {}".format(*size), *times, f"{largest:.4f}"))
+    return rows
 
 
 def _shortest(passes: tuple[Callable[[], object], ...], repeats: int) -> list[float]:
@@ -100,20 +79,10 @@ def section() -> str:
         FILE.parent.mkdir(parents=True, exist_ok=True)
         command("export", str(base), "--architecture", "anynet", "--dynamic", "-o", str(FILE))
     columns = ("height x width", "PyTorch, ms", "onnxruntime, ms", "ratio", "largest difference, px")
-    rows = [
-        (
-            f"{r.height} x {r.width}",
-            f"{r.torch_ms:.1f}",
-            f"{r.onnx_ms:.1f}",
-            f"{r.onnx_ms / r.torch_ms:.2f}",
-            f"{r.largest:.4f}",
-        )
-        for r in measure(base, FILE)
-    ]
     return f"""## AnyNet exported: onnxruntime beside PyTorch
 
 The real base with its propagation stage; one ONNX file of `sfkit export --dynamic` for both sizes, rendered
 pairs. CPU milliseconds of one thread, the shortest of nine passes that take turns. PyTorch runs the fast
 route, and onnxruntime the plain one that an exporter can write, normalisation included.
 
-{numbers(columns, rows)}"""
+{numbers(columns, measure(base, FILE))}"""

@@ -24,8 +24,8 @@ SEARCH = {"population": 20, "generations": 8, "evaluations": 100}
 TRAINING = {"rate": SOURCE_SETTINGS.rate, "augmentation": vars(SOURCE_SETTINGS.augmentation), "workers": 0}
 
 
-def section() -> str:
-    """Run the factory, or what is left of it, and show what it wrote.
+def measure() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Run the factory, or what is left of it: its costs and its scores.
 
     Trainings that were killed go on where they were, so that hours can be spread over sittings.
     """
@@ -43,7 +43,12 @@ def section() -> str:
     command("factory", "run", str(file))
     costs = pd.read_csv(FOLDER / "costs.csv", index_col="part")
     scores = pd.DataFrame(json.loads((FOLDER / "scores.json").read_text(encoding="utf-8"))).T
-    scores = scores.rename_axis("network").sort_values(list(scores.columns)[-1])
+    return costs, scores.rename_axis("network").sort_values(list(scores.columns)[-1])
+
+
+def section() -> str:
+    """What it wrote."""
+    costs, scores = measure()
     overhead = read_overhead(costs)
     return f"""## A whole factory
 

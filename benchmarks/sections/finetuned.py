@@ -62,8 +62,8 @@ def at_home(pool: Pool) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("trained on")
 
 
-def section() -> str:
-    """Train, open, search, and show what each of them said."""
+def measure() -> tuple[Pool, list[str], pd.DataFrame]:
+    """Train, open, search: the pool, the subset of Stage 1, and every network's kinship and score."""
     OUT.mkdir(parents=True, exist_ok=True)
     guides, _ = gather(RESULTS / "real_pairs")
     path = pool_file([tuned(name) for name in FRAMES])
@@ -79,6 +79,12 @@ def section() -> str:
     scores = score_recipes(pool, recipes, [benchmark]).set_index("network")["score"]
     kin = pool.summary()["cosine to base"]
     table = pd.DataFrame({"cosine to the base": kin.reindex(scores.index), "bad-1.0": scores})
+    return pool, result["subset"], table
+
+
+def section() -> str:
+    """What each of them said."""
+    pool, subset, table = measure()
     doubts = "; ".join(pool.warnings) or "none"
     return f"""## Sources fine-tuned here, from a real base on real frames
 
@@ -91,6 +97,6 @@ claimed.
 {markdown(at_home(pool))}
 
 Doubts on opening the pool (a source that does not look like a fine-tune of the base is named): {doubts}.
-Stage 1 chose {", ".join(result["subset"])}.
+Stage 1 chose {", ".join(subset)}.
 
 {markdown(table.rename_axis("network"))}"""

@@ -21,25 +21,32 @@ POPULATIONS: dict[str, Callable[[np.random.Generator, tuple[int, ...]], Values]]
 }
 
 
-def section() -> str:
-    """Simulate and tabulate."""
-    rows = []
+Rows = list[tuple[object, ...]]
+
+
+def measure() -> tuple[Rows, Rows, Rows]:
+    """Simulate: intervals over images, intervals over images and seeds, and claims."""
+    rows: Rows = []
     for name, draw in POPULATIONS.items():
         for kind, held in (("Student's t (sfkit)", _student), ("percentile bootstrap", _bootstrap)):
             rng = np.random.default_rng(5)
             shares = [held(draw(rng, (DRAWS, images)), rng) for images in IMAGES]
             rows.append((name, kind, *(f"{share:.3f}" for share in shares)))
-    table = markdown_lines(("differences of images", "interval", *map(str, IMAGES)), rows)
-    drawn = [
+    drawn: Rows = [
         (runs, images, f"{over:.3f}", f"{alone:.3f}")
         for runs, images in ((3, 8), (5, 8), (5, 27), (5, 40))
         for over, alone in (_seeds(runs, images),)
     ]
+    return rows, drawn, [(images, *(f"{share:.3f}" for share in _null(images))) for images in (5, 8, 27)]
+
+
+def section() -> str:
+    """The three tables."""
+    rows, drawn, claimed = measure()
+    table = markdown_lines(("differences of images", "interval", *map(str, IMAGES)), rows)
     seeds = markdown_lines(("seeds", "images", "over images and seeds", "over images alone"), drawn)
-    claims = markdown_lines(
-        ("images", "some claim, each tested alone", "some claim, corrected (Holm)"),
-        [(images, *(f"{share:.3f}" for share in _null(images))) for images in (5, 8, 27)],
-    )
+    heads = ("images", "some claim, each tested alone", "some claim, corrected (Holm)")
+    claims = markdown_lines(heads, claimed)
     return f"""## Do intervals hold what they promise?
 
 Share of {DRAWS:,} simulated comparisons whose 95 % interval holds the true difference, by the number of

@@ -34,7 +34,7 @@ def results() -> Iterator[ModuleType]:
 
 def test_every_section_can_be_found_and_has_its_parts(results: ModuleType) -> None:
     modules = results.modules()
-    assert {"anynet-speed", "bigpool", "foundation-stereo-speed", "nmrf-pool", "nmrf-speed"} <= set(modules)
+    assert {"bigpool", "foundation-stereo-speed", "nmrf-pool", "nmrf-speed"} <= set(modules)
     for name, where in modules.items():
         module = importlib.import_module(where)
         assert callable(module.section), name
@@ -54,14 +54,15 @@ def test_a_section_replaces_itself_alone(results: ModuleType) -> None:
 def test_a_record_says_when_how_and_on_what_but_not_where(
     results: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = importlib.import_module("sections.anynet_speed")
-    monkeypatch.setattr(module, "measure", lambda: [module.RouteTimes(16, 32, 1, 9.04, 3.0)])
-    path = results.record("anynet-speed", tmp_path)
+    module = importlib.import_module("sections.nmrf_pool")
+    row = {"sources": 11, "step": "write", "write_seconds": 0.25, "anonymous_mb": 680.0, "mapped_mb": 9.0}
+    monkeypatch.setattr(module, "measure", lambda _: {"file_bytes": 130e6, "rows": [row]})
+    path = results.record("nmrf-pool", tmp_path)
     assert path == tmp_path / "benchmarks" / "README.md"
     written = path.read_text()
     assert written.startswith(results.PREAMBLES["benchmarks/README.md"])
-    assert "| 16 x 32 | 1 | 9.0 | 3.0 | 3.01 |" in written
-    assert re.search(r"Measured 20\d\d-\d\d-\d\d by `python benchmarks/results.py anynet-speed`", written)
+    assert "| 11 | write | write 0.250 | 680 | 9 |" in written
+    assert re.search(r"Measured 20\d\d-\d\d-\d\d by `python benchmarks/results.py nmrf-pool`", written)
     assert f"on {os.cpu_count()} cores and " in written
     assert os.uname().nodename not in written
     assert str(Path.home()) not in written
