@@ -21,12 +21,10 @@ class Entry:
     Attributes:
         help: the first sentence of its help.
         function: its name in the module that is called as the command; None where ``app`` holds several.
-        grouped: whether records of settings become options of it.
     """
 
     help: str
     function: str | None = None
-    grouped: bool = False
 
     def load(self, name: str) -> Any:
         """The command, its module imported."""
@@ -37,11 +35,7 @@ class Entry:
             return typer.main.get_group(module.app)
         # An application of one command, of which typer makes a command of click's.
         alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-        function = getattr(module, self.function)
-        if self.grouped:
-            alone.command(name, cls=PanelCommand)(grouped(function))
-        else:
-            alone.command(name)(function)
+        alone.command(name, cls=PanelCommand)(grouped(getattr(module, self.function)))
         _strict(alone)
         return typer.main.get_command(alone)
 
@@ -60,12 +54,10 @@ ENTRIES = {
     "demo": Entry(
         "Search the embedded bank of 12 small trained networks, and test what was found.",
         "demo",
-        grouped=True,
     ),
     "search": Entry(
         "Search Stage 1 (which sources) and Stage 2 (how), write the merged network, and say what to deploy.",
         "search",
-        grouped=True,
     ),
     "finetune": Entry("Fine-tune a checkpoint on one training set.", "command"),
     "init": Entry(
@@ -77,19 +69,16 @@ ENTRIES = {
         "Call the network once and say what is wrong; with a benchmark, "
         "score the midpoints between checkpoints.",
         "check",
-        grouped=True,
     ),
     "merge": Entry("Write one merged network, in the key names of the original checkpoints.", "merge"),
-    "evaluate": Entry("Score networks merged from a pool; lower is better.", "evaluate", grouped=True),
+    "evaluate": Entry("Score networks merged from a pool; lower is better.", "evaluate"),
     "compare": Entry(
         "Say whether network B is better than A on a benchmark: the difference with its interval over pairs.",
         "compare",
-        grouped=True,
     ),
     "baselines": Entry(
         "Run the baselines on a validation benchmark: what each chose, scores there, and cost.",
         "baselines",
-        grouped=True,
     ),
     "predict": Entry(
         "Write the disparity of each pair and pictures of it; depth and points where the cameras are known.",

@@ -12,7 +12,6 @@ from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli import tables
 from sfkit.cli.options import (
     ArchitectureOption,
-    DeviceOption,
     ForceOption,
     JsonOption,
     NetworkOption,
@@ -20,7 +19,7 @@ from sfkit.cli.options import (
     network_options,
 )
 from sfkit.cli.outputs import Places
-from sfkit.cli.panels import BenchmarkOptions
+from sfkit.cli.panels import BenchmarkOptions, DeviceOptions
 from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 
@@ -35,9 +34,9 @@ def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="A network's file.", show_default=False)],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one's.", show_default=False)],
     data: BenchmarkOptions,
+    compute: DeviceOptions,
     architecture: ArchitectureOption = None,
     option: NetworkOption = None,
-    device: DeviceOption = "cpu",
     maps: Annotated[
         Path | None,
         typer.Option(help="A folder for PNGs of each pair: disparities, errors, where B is better."),
@@ -66,7 +65,7 @@ def compare(
     from sfkit.evaluation.stereo_model import load
 
     models = {
-        name: load(file, device=device, architecture=architecture, options=network_options(option))
+        name: load(file, device=compute.device, architecture=architecture, options=network_options(option))
         for name, file in ((a, first), (b, second))
     }
     written: list[Path] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import Enum
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -75,4 +76,5 @@ def _plain(annotation: Any) -> Any:
         annotation = get_args(annotation)[0]
     if get_origin(annotation) in (Union, UnionType):
         (annotation,) = (entry for entry in get_args(annotation) if entry is not type(None))
-    return annotation
+    # The command line refuses what is none of its words.
+    return str if isinstance(annotation, type) and issubclass(annotation, Enum) else annotation

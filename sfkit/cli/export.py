@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import typer
 
 from sfkit.checkpoints.headers import ensure_checkpoint
+from sfkit.cli.groups import size_of
 from sfkit.cli.options import (
     ArchitectureOption,
     ForceOption,
@@ -21,8 +21,6 @@ from sfkit.cli.options import (
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import say
 from sfkit.errors import InputError
-
-_SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
 
 
 def export(
@@ -99,7 +97,7 @@ def export(
 def _size(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
-    match = _SIZE.fullmatch(text)
-    if match is None:
+    size = size_of(text)
+    if size is None:
         raise InputError(f"--size: found {text!r}, expected HEIGHTxWIDTH such as 384x1248")
-    return int(match[1]), int(match[2])
+    return size

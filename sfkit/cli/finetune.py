@@ -11,18 +11,45 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.checkpoints.targets import FileForm, check_target
+from sfkit.cli.groups import Group
 from sfkit.cli.options import ForceOption, JsonOption, NetworkOption, emit, network_options, say
 from sfkit.cli.outputs import Places
+from sfkit.cli.panels import DeviceOptions, FolderChoice
 from sfkit.cli.terminal import Bars
-from sfkit.errors import InputError
 from sfkit.outside import read_toml
+from sfkit.training.settings import Augmentation, TrainingSettings
 
 if TYPE_CHECKING:
     from sfkit.training.finetune import TrainedSource
     from sfkit.training.loop import Course
-    from sfkit.training.settings import TrainingSettings
 
 SHOWN_EVERY = 10
+
+
+def _read(context: typer.Context, path: Path | None) -> Path | None:
+    """Make a file's settings the defaults of options, so that what else is said wins."""
+    if path is not None:
+        stated = TrainingSettings.from_dict(read_toml(path, "expected training settings"), str(path))
+        said = TRAINING.spread(stated) | AUGMENTATION.spread(stated.augmentation)
+        context.default_map = said | dict(context.default_map or {})
+    return path
+
+
+def _of_words(**values: Any) -> TrainingSettings:
+    return TrainingSettings.from_dict(values, "the command line")
+
+
+TRAINING = Group(TrainingSettings, "Training", make=_of_words)
+AUGMENTATION = Group(Augmentation, "What changes about a pair")
+SettingsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--settings",
+        help="A TOML file of training settings, as in a factory.toml.",
+        is_eager=True,
+        callback=_read,
+    ),
+]
 
 
 def command(
@@ -30,38 +57,22 @@ def command(
     data: Annotated[str, typer.Argument(help="sceneflow, vkitti2, ..., a benchmark's name, or pairs.")],
     root: Annotated[Path, typer.Option("--root", "-r", help="The training set's folder; any part of it.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="The source's file to write.")],
+    training: Annotated[TrainingSettings, TRAINING],
+    augmentation: Annotated[Augmentation, AUGMENTATION],
+    reading: Annotated[FolderChoice, Group(FolderChoice, "Training set", only=("csv", "coding"))],
+    compute: DeviceOptions,
     architecture: Annotated[
         str | None, typer.Option("--architecture", "-a", help="For a base that does not say it.")
     ] = None,
     option: NetworkOption = None,
-    settings: Annotated[
-        Path | None, typer.Option("--settings", help="A TOML file of training settings.")
-    ] = None,
-    epochs: Annotated[int | None, typer.Option(help="Passes over the training set; 10.")] = None,
-    max_steps: Annotated[int | None, typer.Option(help="No more steps than this; 31250.")] = None,
-    batch: Annotated[int | None, typer.Option(help="Pairs a step, over all processes; 8.")] = None,
-    micro_batch: Annotated[int | None, typer.Option(help="Pairs in one forward pass.")] = None,
-    rate: Annotated[float | None, typer.Option(help="Peak learning rate.")] = None,
-    crop: Annotated[str | None, typer.Option(help="Height x width, such as 256x512, or none.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of order, crops and colours; 0.")] = None,
-    precision: Annotated[str | None, typer.Option(help="float32 or bfloat16.")] = None,
-    train_batch_norm: Annotated[
-        bool, typer.Option("--train-batch-norm", help="Let running statistics change.")
-    ] = False,
+    settings: SettingsOption = None,
     hold_out: Annotated[
         bool, typer.Option("--hold-out/--all", help="Keep the held-out sequences from training, or not.")
     ] = True,
-    csv: Annotated[
-        Path | None, typer.Option(help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id].")
-    ] = None,
-    coding: Annotated[
-        str | None, typer.Option(help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4.")
-    ] = None,
     validation: Annotated[
         str | None, typer.Option(help="A benchmark to score as it goes; it guides nothing.")
     ] = None,
     validation_root: Annotated[Path | None, typer.Option(help="That benchmark's folder.")] = None,
-    device: Annotated[str, typer.Option("--device", help="cpu, cuda or cuda:N.")] = "cpu",
     licence: Annotated[str, typer.Option(help="Of the source; the training set's unless given.")] = "",
     form: Annotated[
         FileForm, typer.Option(help="safetensors, or the base's own torch layout.")
@@ -84,28 +95,15 @@ def command(
     from sfkit.training.finetune import OUTPUTS, finetune, training_folder
 
     check_target(out, form, overwrite=force)
-    places = Places(settings=settings, csv=csv)
+    places = Places(settings=settings, csv=reading.csv)
     places.reads("BASE", base)
     places.claim("--out", out)
     places.folder("--out", training_folder(out), OUTPUTS)
-    chosen = _settings(
-        settings,
-        epochs=epochs,
-        max_steps=max_steps,
-        batch=batch,
-        micro_batch=micro_batch,
-        rate=rate,
-        seed=seed,
-        precision=precision,
-        # None leaves it to the file of settings.
-        freeze_batch_norm=False if train_batch_norm else None,
-    )
-    if crop is not None:
-        chosen = replace(chosen, augmentation=replace(chosen.augmentation, crop=_crop(crop)))
-    pairs = open_training_set(data, root, hold_out=hold_out, coding=coding, table=csv)
+    chosen = replace(training, augmentation=augmentation)
+    pairs = open_training_set(data, root, hold_out=hold_out, coding=reading.coding, table=reading.csv)
     say(f"{pairs.name}: {pairs.coverage}, {len(pairs.held_out)} held out, {chosen.steps(len(pairs))} steps")
     scored = None if validation is None else open_benchmark(validation, validation_root)
-    with _Processes(device), Bars() as bars:
+    with _Processes(compute.kind), Bars() as bars:
         source = finetune(
             base,
             pairs,
@@ -114,7 +112,7 @@ def command(
             options=network_options(option),
             settings=chosen,
             validation=scored,
-            device=device,
+            device=compute.device,
             licence=licence,
             form=form,
             overwrite=force,
@@ -161,31 +159,11 @@ def progress(bars: Bars, batch: int) -> Callable[[Course], None]:
     return advance
 
 
-def _settings(path: Path | None, **given: Any) -> TrainingSettings:
-    """What a file says, and above it what the command line does."""
-    from sfkit.training.settings import TrainingSettings
-
-    stated: dict[str, Any] = {}
-    if path is not None:
-        stated = read_toml(path, "expected training settings")
-    stated |= {key: value for key, value in given.items() if value is not None}
-    return TrainingSettings.from_dict(stated, str(path or "the command line"))
-
-
-def _crop(text: str) -> tuple[int, int] | None:
-    if text == "none":
-        return None
-    height, cross, width = text.partition("x")
-    if not (cross and height.isdecimal() and width.isdecimal()):
-        raise InputError(f"--crop is {text!r}, expected height x width in pixels, such as 256x512, or none")
-    return int(height), int(width)
-
-
 class _Processes:
     """The process group that torchrun asks for; nothing without it."""
 
-    def __init__(self, device: str) -> None:
-        self.backend = "nccl" if device.startswith("cuda") else "gloo"
+    def __init__(self, kind: str) -> None:
+        self.backend = "nccl" if kind == "cuda" else "gloo"
 
     def __enter__(self) -> None:
         if "RANK" in os.environ:

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
@@ -28,8 +30,10 @@ from sfkit.settings import Setting, setting_of
 
 Answer = TypeVar("Answer")  # an exit code, or None
 
-NAMES = tuple[str, ...]
-"""The type of a field that the command line takes as ``a,b``."""
+NAMES, SIZE = tuple[str, ...], tuple[int, int] | None
+"""Types of fields that the command line takes as one text: ``a,b``, and ``256x512`` or ``none``."""
+
+_SIZE = re.compile(r"(\d{1,5})x(\d{1,5})")
 
 
 @dataclass(frozen=True)
@@ -68,9 +72,21 @@ class Group:
     def collect(self, values: Mapping[str, Any]) -> Any:
         """The record, from the values of all options of a command by parameter."""
         types = get_type_hints(self.record)
-        own = {name: values[option.name] for name, option in self.options().items()}
-        split = {name: names(value or "") for name, value in own.items() if types[name] == NAMES}
-        return (self.make or self.record)(**own | split)
+        own = {}
+        for name, option in self.options().items():
+            value = values[option.name]
+            if types[name] == NAMES:
+                value = names(value or "")
+            elif types[name] == SIZE:
+                value = _size_or_none(option.name, value)
+            own[name] = value
+        return (self.make or self.record)(**own)
+
+    def spread(self, record: Any) -> dict[str, Any]:
+        """The other way: what the options would have to say for that record, by parameter."""
+        types, parameters = get_type_hints(self.record), self.options()
+        said = {parameters[name].name: _said(types[name], getattr(record, name)) for name in parameters}
+        return {name: value for name, value in said.items() if value is not None}
 
 
 def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
@@ -196,6 +212,28 @@ def names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
+def size_of(text: str) -> tuple[int, int] | None:
+    """``"384x1248"`` -> ``(384, 1248)``; None for anything else."""
+    match = _SIZE.fullmatch(text)
+    return None if match is None else (int(match[1]), int(match[2]))
+
+
+def _size_or_none(parameter: str, text: str) -> tuple[int, int] | None:
+    size = None if text == "none" else size_of(text)
+    if size is None and text != "none":
+        raise InputError(
+            f"--{parameter} is {text!r}, expected height x width in pixels, such as 256x512, or none"
+        )
+    return size
+
+
+def _said(kind: Any, value: Any) -> Any:
+    """A field's value as its option has it."""
+    if kind == SIZE:
+        return "none" if value is None else "{}x{}".format(*value)
+    return (",".join(value) or None) if kind == NAMES else value
+
+
 def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -> inspect.Parameter:
     plain = f"--{name.replace('_', '-')}"
     # What is on unless told otherwise needs a word that turns it off.
@@ -205,8 +243,11 @@ def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -
     told = typer.Option(*flags, help=declared.help, rich_help_panel=panel)
     if default is None and isinstance(kind, type):
         kind = kind | None
+    default = default if default is MISSING else _said(kind, default)
     if kind == NAMES:
-        kind, default = str | None, None
+        kind = str | None
+    elif kind == SIZE or (isinstance(kind, type) and issubclass(kind, StrEnum)):
+        kind = str  # the record refuses what is none of its words
     default = inspect.Parameter.empty if default is MISSING else default
     return _keyword(parameter, Annotated[kind, told], default)
 
@@ -214,7 +255,8 @@ def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -
 def _config_option(types: Mapping[str, Any]) -> inspect.Parameter:
     def read(context: typer.Context, value: Path | None) -> Path | None:
         if value is not None:
-            context.default_map = read_config(value, context, types)
+            # Another file may have said something: that of settings.
+            context.default_map = {**(context.default_map or {}), **read_config(value, context, types)}
         return value
 
     told = typer.Option(

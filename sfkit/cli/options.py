@@ -71,7 +71,6 @@ NetworkOption = Annotated[
     list[str] | None,
     typer.Option("--option", help="An option of the architecture, such as spn=false.", metavar="NAME=VALUE"),
 ]
-DeviceOption = Annotated[str, typer.Option("--device", help="cpu, cuda, cuda:N or mps.")]
 SubsetFromOption = Annotated[
     Path | None,
     typer.Option("--subset-from", help="A recipe or merged network of another pool: merge the same sources."),

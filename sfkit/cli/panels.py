@@ -24,7 +24,7 @@ class FolderChoice:
     resolution: str | None = setting(None, help="Middlebury: F, H or Q.")
     csv: Path | None = setting(
         None,
-        help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id]; its folder is the root.",
+        help="For pairs: a CSV with left,right,disparity[,mask][,coding][,id].",
     )
     coding: str | None = setting(
         None, help="For pairs: how ground truth is coded, such as pfm, png16 or png8:4."
@@ -116,6 +116,7 @@ OptionalBenchmarkOptions = Annotated[
 GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark")]
 _COMPUTE = Group(Compute, "Where networks run", make=_compute, defaults={"engine": "auto"})
 ComputeOptions = Annotated[Compute, _COMPUTE]
+DeviceOptions = Annotated[Compute, replace(_COMPUTE, only=("device",), defaults={})]
 NotebookComputeOptions = Annotated[Compute, replace(_COMPUTE, only=PARAMETERS)]
 Stage1Options = Annotated[
     dict[str, Any],

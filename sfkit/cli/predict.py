@@ -13,7 +13,6 @@ import typer
 from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli.options import (
     ArchitectureOption,
-    DeviceOption,
     ForceOption,
     JsonOption,
     NetworkOption,
@@ -21,6 +20,7 @@ from sfkit.cli.options import (
     network_options,
     say,
 )
+from sfkit.cli.panels import DeviceOptions
 from sfkit.cli.terminal import followed
 from sfkit.errors import InputError
 
@@ -36,6 +36,7 @@ _LINES = 20  # of progress of a video, about, where there is no terminal
 def predict(
     file: Annotated[Path, typer.Argument(help="A merged network, or a checkpoint.", show_default=False)],
     left: Annotated[Path, typer.Option("--left", "-l", help="Left image, a folder of them, or a video.")],
+    compute: DeviceOptions,
     right: Annotated[
         Path | None, typer.Option("--right", "-r", help="Right image, a folder of them, or a video.")
     ] = None,
@@ -48,7 +49,6 @@ def predict(
     form: Annotated[str, typer.Option(help="pfm, or png16 (disparity times 256).")] = "pfm",
     architecture: ArchitectureOption = None,
     option: NetworkOption = None,
-    device: DeviceOption = "cpu",
     calibration: Annotated[
         Path | None,
         typer.Option(
@@ -101,7 +101,7 @@ def predict(
     outputs = Outputs(form, known, check, cloud, farthest)
     options = network_options(option)
     plan = _plan(left, right, layout, every, out, outputs, force=force)
-    model = load(file, device=device, architecture=architecture, options=options).loaded
+    model = load(file, device=compute.device, architecture=architecture, options=options).loaded
     if known is not None:
         say(f"cameras: {known}")
     rows = list(_predicted(model, plan))

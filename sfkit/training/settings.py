@@ -9,6 +9,7 @@ from typing import Any
 
 from sfkit.errors import InputError, unknown_name
 from sfkit.outside import table
+from sfkit.settings import Check, setting, settle
 
 EPOCHS, MAX_STEPS, BATCH = 10, 31_250, 8
 """The paper's epochs and batch, and the length its authors' toolbox runs; whichever of the two ends first."""
@@ -19,6 +20,47 @@ class Precision(StrEnum):
 
     FLOAT32 = "float32"
     BFLOAT16 = "bfloat16"  # autocast
+
+
+def _whole(least: int) -> Check:
+    def check(name: str, value: Any) -> Any:
+        # As text and TOML have it: True is no count, and 8.0 is not 8.
+        if type(value) is not int or value < least:
+            raise InputError(f"{name} is {value!r}, expected a whole number of at least {least}")
+        return value
+
+    return check
+
+
+def _share(name: str, value: Any) -> Any:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
+        raise InputError(f"{name} is {value!r}, expected a number from 0 to 1")
+    return value
+
+
+def _positive(name: str, value: Any) -> Any:
+    if not value > 0:
+        raise InputError(f"{name} is {value!r}, expected a positive number")
+    return value
+
+
+def _at_least_0(name: str, value: Any) -> Any:
+    if not value >= 0:
+        raise InputError(f"{name} is {value!r}, expected a number of at least 0")
+    return value
+
+
+def _crop(name: str, value: Any) -> Any:
+    crop = None if value is None else tuple(value)
+    if crop is not None and (len(crop) != 2 or not all(type(v) is int and v > 0 for v in crop)):
+        raise InputError(f"{name} is {crop!r}, expected height and width in pixels, such as 256, 512")
+    return crop
+
+
+def _precision(name: str, value: Any) -> Any:
+    if value not in list(Precision):
+        raise unknown_name(name, str(value), [p.value for p in Precision])
+    return Precision(value)
 
 
 @dataclass(frozen=True)
@@ -35,13 +77,15 @@ class Augmentation:
         erase: probability that boxes of the right view are painted in its mean colour.
     """
 
-    crop: tuple[int, int] | None = (384, 768)
-    brightness: float = 0.4
-    contrast: float = 0.4
-    saturation: float = 0.4
-    hue: float = 0.159
-    asymmetric: float = 0.2
-    erase: float = 0.5
+    crop: tuple[int, int] | None = setting(
+        (384, 768), help="Height x width, such as 256x512, or none.", check=_crop
+    )
+    brightness: float = setting(0.4, help="Factors are drawn from 1 - this to 1 + this.", check=_share)
+    contrast: float = setting(0.4, help="The same about the mean grey.", check=_share)
+    saturation: float = setting(0.4, help="The same about each pixel's grey.", check=_share)
+    hue: float = setting(0.159, help="Turns by up to this share of the colour circle.", check=_share)
+    asymmetric: float = setting(0.2, help="How often each view gets colours of its own.", check=_share)
+    erase: float = setting(0.5, help="How often boxes of the right view are painted.", check=_share)
 
     @classmethod
     def none(cls) -> Augmentation:
@@ -49,14 +93,7 @@ class Augmentation:
         return cls(None, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if self.crop is not None:
-            object.__setattr__(self, "crop", tuple(self.crop))
-            if len(self.crop) != 2 or not all(type(v) is int and v > 0 for v in self.crop):
-                raise InputError(
-                    f"crop is {self.crop!r}, expected height and width in pixels, such as 256, 512"
-                )
-        for name in ("brightness", "contrast", "saturation", "hue", "asymmetric", "erase"):
-            _share(name, getattr(self, name))
+        settle(self)
 
 
 @dataclass(frozen=True)
@@ -82,41 +119,41 @@ class TrainingSettings:
         workers: threads that read pairs ahead; they change no result.
     """
 
-    epochs: int = EPOCHS
-    max_steps: int = MAX_STEPS
-    batch: int = BATCH
-    micro_batch: int | None = None
-    rate: float | None = None
-    warm_up: float = 0.05
-    weight_decay: float = 1e-5
-    clip: float = 1.0
-    limit: float | None = None
-    freeze_batch_norm: bool = True
+    epochs: int = setting(EPOCHS, help="Passes over the training set.", check=_whole(1))
+    max_steps: int = setting(MAX_STEPS, help="No more steps than this.", check=_whole(1))
+    batch: int = setting(BATCH, help="Pairs a step, over all processes.", check=_whole(1))
+    micro_batch: int | None = setting(
+        None,
+        help="Pairs in one forward pass; gradients add up. The process's share unless given.",
+        check=_whole(1),
+    )
+    rate: float | None = setting(
+        None, help="Peak learning rate; the architecture's own unless given.", check=_positive
+    )
+    warm_up: float = setting(0.05, help="Share of the steps until the peak.", check=_share)
+    weight_decay: float = setting(1e-5, help="AdamW's.", check=_at_least_0)
+    clip: float = setting(1.0, help="Largest norm of the gradient; 0 leaves it as it is.", check=_at_least_0)
+    limit: float | None = setting(
+        None,
+        help="Truth of so many pixels and more does not count; the architecture's own unless given.",
+        check=_positive,
+    )
+    freeze_batch_norm: bool = setting(
+        True,
+        "--freeze-batch-norm/--train-batch-norm",
+        help="Running statistics stay the base's, or change.",
+    )
     augmentation: Augmentation = field(default_factory=Augmentation)
-    precision: Precision = Precision.FLOAT32
-    seed: int = 0
-    save_every: int = 200
-    broken_share: float = 0.02
-    workers: int = 2
+    precision: Precision = setting(Precision.FLOAT32, help="float32 or bfloat16.", check=_precision)
+    seed: int = setting(0, help="Of order, crops and colours.", check=_whole(0))
+    save_every: int = setting(200, help="Steps between two saved states.", check=_whole(1))
+    broken_share: float = setting(
+        0.02, help="More unreadable pairs than this share of the set end the run.", check=_share
+    )
+    workers: int = setting(2, help="Threads that read pairs ahead; they change no result.", check=_whole(0))
 
     def __post_init__(self) -> None:
-        for name in ("epochs", "max_steps", "batch", "save_every"):
-            _whole(name, getattr(self, name), 1)
-        _whole("workers", self.workers, 0)
-        _whole("seed", self.seed, 0)
-        if self.micro_batch is not None:
-            _whole("micro_batch", self.micro_batch, 1)
-        for name in ("warm_up", "broken_share"):
-            _share(name, getattr(self, name))
-        for name in ("rate", "limit"):
-            value = getattr(self, name)
-            if value is not None and not value > 0:
-                raise InputError(f"{name} is {value!r}, expected a positive number")
-        for name in ("clip", "weight_decay"):
-            if not getattr(self, name) >= 0:
-                raise InputError(f"{name} is {getattr(self, name)!r}, expected a number of at least 0")
-        if self.precision not in list(Precision):
-            raise unknown_name("precision", str(self.precision), [p.value for p in Precision])
+        settle(self)
 
     def steps(self, pairs: int) -> int:
         """How many steps a training on so many pairs has."""
@@ -160,13 +197,3 @@ def _built(cls: type[Any], values: Mapping[str, Any], where: str) -> Any:
         return cls(**values)
     except (InputError, TypeError) as error:
         raise InputError(f"{where}: {error}") from error
-
-
-def _whole(name: str, value: Any, least: int) -> None:
-    if type(value) is not int or value < least:
-        raise InputError(f"{name} is {value!r}, expected a whole number of at least {least}")
-
-
-def _share(name: str, value: Any) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
-        raise InputError(f"{name} is {value!r}, expected a number from 0 to 1")

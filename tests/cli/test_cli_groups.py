@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,11 +11,12 @@ import pytest
 import tiny
 import typer
 
-from sfkit.cli import main
+from sfkit.cli import finetune, main
 from sfkit.cli.groups import Group, PanelCommand, grouped
 from sfkit.errors import InputError
 from sfkit.search.checks import whole
-from sfkit.settings import setting, settle
+from sfkit.settings import setting, setting_of, settle
+from sfkit.training import Augmentation, TrainingSettings
 
 
 @dataclass(frozen=True)
@@ -139,6 +140,66 @@ def test_a_file_that_cannot_be_meant_is_refused(app: App, tmp_path: Path, text: 
     assert str(refused.value).startswith(f"{file}: ")
     with pytest.raises(InputError, match=r"none\.toml: cannot be read"):
         app(f"pie --config {tmp_path / 'none.toml'}")
+
+
+# A fine-tuning's settings: a file of the record's own names as well, and a record inside it.
+
+
+class Trainer(App):
+    """A command with the options of ``sfkit finetune`` that make its settings."""
+
+    def bake(  # type: ignore[override]
+        self,
+        training: Annotated[TrainingSettings, finetune.TRAINING],
+        augmentation: Annotated[Augmentation, finetune.AUGMENTATION],
+        settings: finetune.SettingsOption = None,
+    ) -> None:
+        self.heard.append((training, augmentation))  # type: ignore[arg-type]
+
+
+def test_every_setting_of_a_training_is_an_option_with_the_records_default(tmp_path: Path) -> None:
+    assert Trainer()("") == (TrainingSettings(), Augmentation())
+    for group in (finetune.TRAINING, finetune.AUGMENTATION):
+        assert set(group.options()) == {one.name for one in fields(group.record) if setting_of(one)}
+    line = "--crop 16x32 --train-batch-norm --precision bfloat16 --rate 1 --erase 0 --workers 0"
+    expected = TrainingSettings(freeze_batch_norm=False, precision="bfloat16", rate=1.0, workers=0)  # type: ignore[arg-type]
+    assert Trainer()(line) == (expected, Augmentation(crop=(16, 32), erase=0.0))
+
+
+def test_a_file_of_settings_gives_way_to_a_file_of_options_and_both_to_options(tmp_path: Path) -> None:
+    settings, config = tmp_path / "settings.toml", tmp_path / "config.toml"
+    settings.write_text("epochs = 2\nbatch = 3\nseed = 4\nfreeze_batch_norm = false\naugmentation = false\n")
+    config.write_text(f'batch = 5\nseed = 6\nhue = 0.5\nsettings = "{settings}"\n')
+    expected = (TrainingSettings(2, batch=5, seed=7, freeze_batch_norm=False), Augmentation.none())
+    changed = (expected[0], Augmentation(None, 0, 0, 0, 0.5, 0, 0))
+    for line in (f"--settings {settings} --config {config}", f"--config {config} --settings {settings}"):
+        assert Trainer()(f"{line} --seed 7") == changed
+    assert Trainer()(f"--config {config} --seed 7") == changed
+    assert Trainer()(f"--settings {settings} --batch 5 --seed 7") == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "sentence"),
+    [
+        ("epochs = 0", "", r"settings\.toml: epochs is 0, expected a whole number of at least 1$"),
+        ("epoch = 1", "", r"settings\.toml.*'epoch'.*did you mean 'epochs'"),
+        ("", "--batch 0", "^the command line: batch is 0, expected a whole number of at least 1$"),
+        (
+            "",
+            "--precision half",
+            "^the command line: unknown precision 'half', expected one of: bfloat16, fl",
+        ),
+        ("", "--crop 256", "^--crop is '256', expected height x width in pixels, such as 256x512, or none$"),
+        ("", "--crop 0x5", r"^crop is \(0, 5\), expected height and width in pixels"),
+    ],
+)
+def test_settings_of_a_training_are_refused_where_they_were_said(
+    tmp_path: Path, text: str, line: str, sentence: str
+) -> None:
+    settings = tmp_path / "settings.toml"
+    settings.write_text(text)
+    with pytest.raises(InputError, match=sentence):
+        Trainer()(f"--settings {settings} {line}")
 
 
 # The commands.
