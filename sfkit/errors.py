@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from typing import Any
 
 
 class SfkitError(Exception):
@@ -33,6 +34,16 @@ def unknown_name(kind: str, name: str, allowed: Iterable[str]) -> InputError:
     options = sorted(map(str, allowed))
     listed = ", ".join(options) if options else "none is known"
     return InputError(f"unknown {kind} {name!r}, expected one of: {listed}{nearest(name, options)}")
+
+
+def ensure_known(kind: str, name: object, allowed: Collection[Any]) -> None:
+    """Refuse a name that is none of ``allowed``.
+
+    Raises:
+        InputError: as :func:`unknown_name` says it.
+    """
+    if name not in allowed:
+        raise unknown_name(kind, str(name), allowed)
 
 
 class SfkitWarning(UserWarning):

@@ -102,6 +102,21 @@ def unwritable(folder: Path) -> Path | None:
     return None if place.is_dir() and os.access(place, os.W_OK) else place
 
 
+def ensure_writable(folder: Path, called: object, wanted: str = "expected one") -> None:
+    """Refuse a folder that can be neither made nor written to.
+
+    Args:
+        folder: where something will be written.
+        called: what the user named: the folder, a file in it, or an option.
+        wanted: how the sentence ends.
+
+    Raises:
+        InputError: what is in the way (:func:`unwritable`).
+    """
+    if (place := unwritable(folder)) is not None:
+        raise InputError(f"{called}: {place} is no folder that can be written to, {wanted}")
+
+
 def trouble(path: Path) -> str | None:
     """What keeps a path from being read as a file, in words after its name; None where all is well."""
     try:

@@ -15,7 +15,7 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.files import trouble
 
 Value = TypeVar("Value")
@@ -190,8 +190,7 @@ def table(value: object, where: str, keys: Collection[str] | None = None) -> dic
     if not isinstance(value, Mapping):
         raise InputError(f"{where}: found {_shown(value)}, expected a table")
     for key in value if keys is not None else ():
-        if key not in (keys or ()):
-            raise unknown_name(f"key of {where}", str(key), keys or ())
+        ensure_known(f"key of {where}", key, keys or ())
     return dict(value)
 
 

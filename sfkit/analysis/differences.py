@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sfkit.analysis.disparities import Comparison, DisparityPanels
 from sfkit.analysis.pair_maps import Map
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 
 Pixels = tuple[NDArray[np.intp], ...]  # rows and columns
 
@@ -127,8 +127,7 @@ def advantage_panels(pair: DisparityPanels, reference: str, network: str) -> Adv
     """
     errors = {maps.name: maps.error for maps in pair.networks}
     for name in (reference, network):
-        if name not in errors:
-            raise unknown_name("network", name, errors)
+        ensure_known("network", name, errors)
     found = advantage(errors[reference], errors[network], pair.threshold)
     return AdvantagePanels(pair, reference, network, found)
 

@@ -11,7 +11,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.blocks import BlockPartition
 
 Values = NDArray[np.float64]
@@ -23,8 +23,7 @@ def block_modules(network: nn.Module, partition: BlockPartition, block: str) -> 
     Raises:
         InputError: no such block, or no module lies in it as a whole.
     """
-    if block not in partition.names:
-        raise unknown_name("block", block, partition.names)
+    ensure_known("block", block, partition.names)
     number = partition.names.index(block)
     found = dict(_outermost(network, "", partition, number))
     if not found:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sfkit.analysis.ablations import scored
 from sfkit.analysis.experiment import Experiment
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.opening import open_pool
 from sfkit.search.breeding import SubsetSettings
@@ -105,8 +105,7 @@ def growth(experiment: Experiment, newcomer: str) -> pd.DataFrame:
         InputError: no such source, or a pool that would be left with fewer than two.
     """
     pool = experiment.pool
-    if newcomer not in pool.names:
-        raise unknown_name("source of the pool", newcomer, pool.names)
+    ensure_known("source of the pool", newcomer, pool.names)
     rest = tuple(member for member in pool.spec.sources if member.name != newcomer)
     smaller = experiment.changed(pool=open_pool(replace(pool.spec, sources=rest)))
     before = smaller.stage1()

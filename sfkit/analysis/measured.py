@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.protocols import rule
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.metrics import ImageErrors
@@ -92,8 +92,7 @@ class Measured:
         Raises:
             InputError: no such network.
         """
-        if network not in self.images:
-            raise unknown_name(f"network measured on {self.benchmark!r}", network, self.images)
+        ensure_known(f"network measured on {self.benchmark!r}", network, self.images)
         return self.images[network]
 
     def terms(self, network: str, *, metric: str | None = None) -> tuple[Values, Values]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sfkit.analysis.pair_maps import Comparand, Map
 from sfkit.architectures import PreparedPair
 from sfkit.datasets.pairs import Sample
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.store import evaluation_key
 from sfkit.merging.recipe import Recipe
@@ -87,8 +87,7 @@ class PairPreview:
             InputError: no such pair.
         """
         benchmark = self.evaluator.benchmark
-        if pair not in benchmark.ids:
-            raise unknown_name(f"pair of benchmark {benchmark.name!r}", pair, benchmark.ids)
+        ensure_known(f"pair of benchmark {benchmark.name!r}", pair, benchmark.ids)
         with self._busy:
             self.pair, self._number = pair, benchmark.ids.index(pair)
             truth = self.evaluator.prepared.truth(self._number)

@@ -14,7 +14,7 @@ from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import common_unit
 from sfkit.analysis.study import UNIFORM, Study
 from sfkit.checkpoints.spec import Member
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.opening import open_pool
 from sfkit.merging.pool import Pool
 
@@ -90,8 +90,7 @@ def retraining_against_merging(
         raise InputError("retraining: found no benchmark, expected at least one that guided nothing")
     names = (joint, *(others or [name for name in seconds if name != joint]))
     for name in names:
-        if name not in measured[0].networks:
-            raise unknown_name("measured network", name, measured[0].networks)
+        ensure_known("measured network", name, measured[0].networks)
     if not seconds.get(joint, 0.0) > 0.0:
         raise InputError(f"retraining: found no positive seconds of {joint!r}, expected its training's")
     ways = tuple(

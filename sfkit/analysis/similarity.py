@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from sfkit.analysis.features import BlockOutputs, block_modules
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.pairs import Sample
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -56,8 +56,7 @@ class DataSimilarity:
         Raises:
             InputError: an unknown target, or a size that is not between 1 and E.
         """
-        if target not in self.targets:
-            raise unknown_name("target", target, self.targets)
+        ensure_known("target", target, self.targets)
         if not 1 <= size <= len(self.sources):
             raise InputError(f"similarity: found size {size}, expected 1 to {len(self.sources)} sources")
         order = np.argsort(self.distances[:, self.targets.index(target)], kind="stable")
@@ -92,8 +91,7 @@ def data_similarity(
     Raises:
         InputError: an unknown cue, source or block, a block without an output, or no data.
     """
-    if cue not in CUES:
-        raise unknown_name("cue", cue, CUES)
+    ensure_known("cue", cue, CUES)
     names = pool.subset(sources)
     if not names or not targets:
         raise InputError(

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from sfkit.analysis.measured import Measured
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.separation import column_name
 from sfkit.evaluation.table import write_table
 from sfkit.files import write_text
@@ -86,8 +86,7 @@ def ranks(
     Raises:
         InputError: another word than these.
     """
-    if along not in ("row", "column"):
-        raise unknown_name("way to compare", along, ("row", "column"))
+    ensure_known("way to compare", along, ("row", "column"))
     chosen = list(columns if columns is not None else table.select_dtypes("number").columns)
     marks = pd.DataFrame("", index=table.index, columns=table.columns)
     # Turned around where more is better: one order serves both.

@@ -10,7 +10,7 @@ from sfkit.analysis.previews import PairLook, PairPreview, held_score
 from sfkit.analysis.routings import RoutingTrace, routing_trace, watched_routing
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.editing import GAMMA, EditHistory, RoutingDraft, SeenByHand, mark_hand_edit, seen_by_hand
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.separation import pairs_in_common
 from sfkit.merging.recipe import Recipe, routed
@@ -158,8 +158,7 @@ class RoutingWorkbench:
         Raises:
             InputError: another name.
         """
-        if name not in PINS:
-            raise unknown_name("pin", name, PINS)
+        ensure_known("pin", name, PINS)
         # A pin is compared with later at full size.
         if self.look.reduction > 1:
             self.look = self.preview.look(self.recipe)

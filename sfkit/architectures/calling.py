@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from torch import nn
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known, unknown_name
 
 STEPS = ("tensor", "first", "last", "key:NAME", "negated", "fraction")
 FORMS = ("pair", "dictionary")
@@ -44,8 +44,7 @@ class Calling:
     resolution: int = 1
 
     def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise unknown_name("form of a network's input", self.form, FORMS)
+        ensure_known("form of a network's input", self.form, FORMS)
         steps = (self.output,) if isinstance(self.output, str) else tuple(self.output)
         object.__setattr__(self, "output", steps)
         for step in steps:

@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -72,8 +72,7 @@ class InputConvention:
         Raises:
             InputError: an unknown side, or a multiple below 1.
         """
-        if self.sides not in tuple(PadSides):
-            raise unknown_name("padding side", str(self.sides), PadSides)
+        ensure_known("padding side", self.sides, tuple(PadSides))
         if self.multiple < 1:
             raise InputError(f"multiple is {self.multiple}, expected what height and width are divisible by")
         object.__setattr__(self, "sides", PadSides(self.sides))

@@ -31,7 +31,7 @@ from sfkit.architectures.code import Code
 from sfkit.architectures.identity import code_identity
 from sfkit.architectures.inputs import InputConvention
 from sfkit.architectures.module_blocks import ByNetwork, by_options, top_level_blocks
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known, unknown_name
 from sfkit.files import home
 
 Options = Mapping[str, Any]
@@ -128,8 +128,7 @@ class Architecture:
         """
         given = dict(options or {})
         for key in given:
-            if key not in self.defaults:
-                raise unknown_name(f"option of architecture {self.name!r}", key, self.defaults)
+            ensure_known(f"option of architecture {self.name!r}", key, self.defaults)
         found = self.beside(near) if self.beside is not None and near is not None else {}
         resolved = {**self.defaults, **found, **given}
         return {**resolved, **{key: _place(resolved[key], near) for key in self.places if resolved[key]}}

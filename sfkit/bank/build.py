@@ -17,7 +17,7 @@ from sfkit.bank.measure import TruePair, constant_guess, errors, held_out_pairs
 from sfkit.bank.plan import BANK, HELD_OUT_PAIRS, BankPlan, Training, TrainingPlan, bank_plan
 from sfkit.bank.training import new_network, pairs_of, train
 from sfkit.datasets.synthetic import Domain
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.files import write_text, writing
 from sfkit.training.finetune import finetune, training_folder
@@ -78,8 +78,7 @@ def build(
     base, *others = of.networks
     chosen = others if only is None else list(only)
     for each in chosen:
-        if each not in others:
-            raise unknown_name("source of the bank", each, others)
+        ensure_known("source of the bank", each, others)
     out.mkdir(parents=True, exist_ok=True)
     at = _Builder(out, of, held_out, progress)
     for each in (base, *chosen):

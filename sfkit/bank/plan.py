@@ -9,7 +9,7 @@ from typing import Any
 
 from sfkit.bank import sharp
 from sfkit.datasets.synthetic.domains import BASE, BENCHMARK_PAIRS, SOURCES, Domain
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 from sfkit.training.settings import TrainingSettings
 
 OPTIONS: dict[str, Any] = {"ranges": [4, 3, 3], "spn": False}
@@ -132,6 +132,5 @@ def bank_plan(name: str) -> BankPlan:
     Raises:
         InputError: no such bank; the nearest name is suggested.
     """
-    if name not in BANKS:
-        raise unknown_name("embedded bank", name, BANKS)
+    ensure_known("embedded bank", name, BANKS)
     return BANKS[name]

@@ -17,7 +17,7 @@ from sfkit.datasets.synthetic import domains, synthetic_pair, worlds
 from sfkit.datasets.synthetic.domains import HEIGHT, QUICK_PAIRS, VALIDATION, WIDTH
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.datasets.training_set import TrainingSet
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.cache import default_folder
 
 METRIC = "bad-3.0"
@@ -69,8 +69,7 @@ def benchmark(name: str, quick: bool = False, *, of: str = BANK.name) -> Benchma
     Raises:
         InputError: an unknown name, or ``quick`` for a benchmark that searches must not see.
     """
-    if name not in worlds():
-        raise unknown_name("benchmark of the bank", name, worlds())
+    ensure_known("benchmark of the bank", name, worlds())
     if quick and name != VALIDATION:
         raise InputError(
             f"benchmark {name!r}: found quick=True, expected it for the validation benchmark only; "
@@ -109,8 +108,7 @@ def training_set(name: str, pairs: int, *, of: str = BANK.name) -> TrainingSet:
 def _is_sharp(name: str, of: str) -> bool:
     """Whether the bank ``of`` draws its domains as the sharp one does; refuses a domain that it has not."""
     names = [world.name for world in bank_plan(of).worlds]
-    if name not in names:
-        raise unknown_name("domain of the bank", name, names)
+    ensure_known("domain of the bank", name, names)
     return bank_plan(of).worlds[0] == sharp.BASE
 
 

@@ -19,7 +19,7 @@ from typing import Any, Concatenate, Generic, ParamSpec
 import pandas as pd
 
 from sfkit.baselines.trials import Trials, Validation
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -181,8 +181,7 @@ def baseline_named(name: str) -> Baseline[Any]:
     Raises:
         InputError: no such method; the nearest name is suggested.
     """
-    if name not in _REGISTRY:
-        raise unknown_name("baseline", name, _REGISTRY)
+    ensure_known("baseline", name, _REGISTRY)
     return _REGISTRY[name]
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 
 from sfkit.baselines.registry import Baseline, BaselineResult, baseline_named, baselines
 from sfkit.baselines.trials import Validation
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.table import ProgressCallback, score_table
 from sfkit.merging.pool import Pool
@@ -134,8 +134,7 @@ def score_baselines(
 
 def _settings(entry: Baseline[Any], shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     for key in own:
-        if key not in entry.parameters:
-            raise unknown_name(f"setting of baseline {entry.name!r}", key, entry.parameters)
+        ensure_known(f"setting of baseline {entry.name!r}", key, entry.parameters)
     return {key: value for key, value in shared.items() if key in entry.parameters} | dict(own)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 
 from sfkit.checkpoints.headers import SAFETENSORS, WRITTEN_SUFFIXES
-from sfkit.errors import InputError, unknown_name
-from sfkit.files import unwritable
+from sfkit.errors import InputError, ensure_known
+from sfkit.files import ensure_writable
 
 
 class FileForm(StrEnum):
@@ -24,8 +25,7 @@ def form_of(form: FileForm | str) -> FileForm:
     Raises:
         InputError: there is no such form.
     """
-    if form not in tuple(FileForm):
-        raise unknown_name("form", str(form), FileForm)
+    ensure_known("form", form, tuple(FileForm))
     return FileForm(form)
 
 
@@ -35,22 +35,31 @@ def check_target(path: str | Path, form: FileForm | str, *, overwrite: bool) -> 
     Raises:
         InputError: as :func:`sfkit.checkpoints.writing.write_checkpoint` says.
     """
-    path, form = Path(path), form_of(form)
+    form = form_of(form)
     endings = (SAFETENSORS,) if form is FileForm.SAFETENSORS else WRITTEN_SUFFIXES
+    other = next((f.value for f in FileForm if f is not form), "")
+    advice = f"name it so, or ask for form={other!r}"
+    return check_file(Path(path), f"form {form.value!r}", endings, advice, overwrite=overwrite)
+
+
+def check_file(
+    path: Path, kind: str, endings: Sequence[str], advice: str = "name it so", *, overwrite: bool
+) -> Path:
+    """Refuse a file to write whose name, kind or place does not do, before any work is done for it.
+
+    Raises:
+        InputError: its ending is none of its kind's, it is a folder, has a name that is no UTF-8, exists and
+            may not be replaced, or its folder cannot be made or written to.
+    """
     if path.suffix not in endings:
-        other = next((f.value for f in FileForm if f is not form), "")
-        raise InputError(
-            f"{path}: a file of form {form.value!r} ends in {' or '.join(endings)}: name it so, or ask for "
-            f"form={other!r}"
-        )
+        raise InputError(f"{path}: a file of {kind} ends in {' or '.join(endings)}: {advice}")
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
     if any("\ud800" <= letter <= "\udfff" for letter in str(path)):
         raise InputError(f"{path}: is no UTF-8, expected a name that safetensors and torch can write")
     if path.exists() and not overwrite:
         raise InputError(f"{path}: the file exists, give another name or allow overwriting (--force)")
-    if (place := unwritable(path.parent)) is not None:
-        raise InputError(f"{path}: {place} is no folder that can be written to, expected one")
+    ensure_writable(path.parent, path)
     return path
 
 

@@ -29,7 +29,7 @@ def open_notebook(
       sfkit open 01_quickstart
       sfkit open inspector --out work --no-lab
     """
-    from sfkit.files import unwritable, write_bytes
+    from sfkit.files import ensure_writable, write_bytes
     from sfkit.reports.notebooks import notebook_folder, notebook_path
 
     stems = sorted(path.stem for path in notebook_folder().glob("*.ipynb"))
@@ -40,8 +40,7 @@ def open_notebook(
         raise InputError(
             "JupyterLab is not installed: pip install 'sfkit[jupyter]', or copy alone (--no-lab)"
         )
-    if (place := unwritable(out)) is not None:
-        raise InputError(f"--out: {place} is no folder that can be written to, choose another one")
+    ensure_writable(out, "--out", "choose another one")
     target = out / found.name
     kept = target.exists()
     if not kept:

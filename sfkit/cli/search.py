@@ -35,7 +35,7 @@ from sfkit.cli.panels import (
 )
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
 from sfkit.cli.watching import Watch
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.checks import METHODS
 from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
@@ -103,8 +103,7 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
       sfkit search pool.toml -b pairs -r ~/pairs --resamples 200
     """
-    if method not in METHODS:
-        raise unknown_name("method", method, METHODS)
+    ensure_known("method", method, METHODS)
     first, second = SubsetSettings(**stage1), _stage2(stage2)
     kept_in = store or out / STORE
     places = Places(start=start, subset_from=subset_from, csv=data.csv)

@@ -20,7 +20,7 @@ from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
 from sfkit.datasets.tables import absent_files, find_in_table
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.files import home
 
 PAIRS = "pairs"
@@ -135,8 +135,7 @@ def open_benchmarks(entries: Iterable[str | Mapping[str, Any]]) -> list[Benchmar
             raise InputError(f"benchmarks: found {entry!r}, expected a name or a dictionary of arguments")
         values = {"name": entry} if isinstance(entry, str) else dict(entry)
         for key in values:
-            if key not in known:
-                raise unknown_name("argument of a benchmark", key, known)
+            ensure_known("argument of a benchmark", key, known)
         if "name" not in values:
             raise InputError(f"benchmarks: found {values}, expected an entry 'name'")
         opened.append(open_benchmark(**values))

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from sfkit.datasets.images import read_grey
 from sfkit.datasets.pfm import read_bytes, read_pfm
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.files import write_bytes
 
 KITTI_SCALE = 256.0
@@ -60,8 +60,7 @@ class Coding:
             InputError: an unknown coding, or a scale that is missing or not a positive number.
         """
         kind, colon, rest = text.strip().partition(":")
-        if kind not in CODINGS:
-            raise unknown_name("coding", kind, CODINGS)
+        ensure_known("coding", kind, CODINGS)
         if kind == "npz":
             return cls(kind, entry=rest or None)
         if kind == "png16" and not colon:
@@ -157,8 +156,7 @@ def _read_npz(path: Path, coding: Coding) -> NDArray[Any]:
                 f"{path}: found the entries {names}, expected one; name it, as in 'npz:disparity'"
             )
         entry = coding.entry if coding.entry is not None else names[0]
-        if entry not in names:
-            raise unknown_name(f"entry of {path}", entry, names)
+        ensure_known(f"entry of {path}", entry, names)
         try:
             return _map(path, archive[entry])
         except _UNREADABLE as error:

@@ -13,7 +13,7 @@ from sfkit.datasets.formats import Coding
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MaskCoding
 from sfkit.datasets.protocols import rule
-from sfkit.errors import InputError, nearest, unknown_name
+from sfkit.errors import InputError, ensure_known, nearest, unknown_name
 from sfkit.outside import read_toml
 
 ID, RESOLUTION = "{id}", "{resolution}"
@@ -176,8 +176,7 @@ def _layout(path: Path, entry: Any) -> PairLayout:
     known: dict[str, Any] = {}
     if "mask_coding" in entry:
         coding = entry.pop("mask_coding")
-        if coding not in list(MaskCoding):
-            raise unknown_name(f"mask_coding in {path}", str(coding), [m.value for m in MaskCoding])
+        ensure_known(f"mask_coding in {path}", coding, tuple(MaskCoding))
         known["mask_coding"] = MaskCoding(coding)
     layout: PairLayout = _record(path, PairLayout, entry, known)
     Coding.parse(layout.coding)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from sfkit.datasets.metric import ImageSums, Mask, Metric
 from sfkit.datasets.pairs import Sample
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 
 Values = NDArray[np.float64]
 
@@ -185,10 +185,8 @@ def rule(protocol: str, family: str) -> Rule:
     Raises:
         InputError: no such protocol or family, or the protocol says nothing about the family.
     """
-    if protocol not in RULES:
-        raise unknown_name("protocol", protocol, RULES)
-    if family not in FAMILIES:
-        raise unknown_name("family", family, FAMILIES)
+    ensure_known("protocol", protocol, RULES)
+    ensure_known("family", family, FAMILIES)
     if family not in RULES[protocol]:
         able = ", ".join(rules_for(family))
         raise InputError(f"protocol {protocol!r} has no rule for {family!r}, expected one of: {able}")

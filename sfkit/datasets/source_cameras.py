@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.datasets.pfm import read_bytes
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.outside import parse_json
 
 Groups = Mapping[str, str]
@@ -26,8 +26,7 @@ def constant_of(how: str, root: Path, left: Path, groups: Groups) -> str:
     Raises:
         InputError: an unknown ``how``, or a camera file that cannot be read.
     """
-    if how not in _CAMERAS:
-        raise unknown_name("constant", how, _CAMERAS)
+    ensure_known("constant", how, _CAMERAS)
     return f"{_CAMERAS[how](root, left, groups):.9g}"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layouts
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known, unknown_name
 from sfkit.outside import read_toml, table
 
 
@@ -136,8 +136,7 @@ def _layout(path: Path, entry: dict[str, Any]) -> SourceLayout:
         *layout.invalid,
     ):
         for name in re.findall(r"{(\w+)}", text):
-            if name not in groups:
-                raise unknown_name(f"group in {text!r} of {path}", name, groups)
+            ensure_known(f"group in {text!r} of {path}", name, groups)
     return layout
 
 

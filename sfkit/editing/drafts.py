@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from sfkit.errors import InputError, nearest, unknown_name
+from sfkit.errors import InputError, ensure_known, nearest
 from sfkit.merging.recipe import Recipe, routed
 
 Cell = tuple[str, str]
@@ -191,13 +191,11 @@ class RoutingDraft:
         return replace(self, tied=True, locked=frozenset(), gone=gone, recipe=recipe)
 
     def _place(self, block: str) -> int:
-        if block not in self.blocks:
-            raise unknown_name("block", block, self.blocks)
+        ensure_known("block", block, self.blocks)
         return self.blocks.index(block)
 
     def _column(self, source: str) -> int:
-        if source not in self.sources:
-            raise unknown_name("source", source, self.sources)
+        ensure_known("source", source, self.sources)
         return self.sources.index(source)
 
     def _free(self, place: int, besides: str) -> list[int]:

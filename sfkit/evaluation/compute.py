@@ -8,7 +8,7 @@ import socket
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.forward import ForwardMode
 from sfkit.settings import setting
 
@@ -50,8 +50,7 @@ class Compute:
     def __post_init__(self) -> None:
         ForwardMode(self.precision, self.channels_last)
         check_device_name(self.device)
-        if self.engine not in ENGINES:
-            raise unknown_name("engine", self.engine, ENGINES)
+        ensure_known("engine", self.engine, ENGINES)
         if self.workers is not None and self.workers < 1:
             raise InputError(f"workers: found {self.workers}, expected at least 1")
         if self.engine == "inline" and self.workers not in (None, 1):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sfkit.datasets.metric import D1, D1_PIXELS, EPE, Map, Mask, Metric, Ratio, bad_pixels
 from sfkit.datasets.pairs import Sample
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.regions import Regions, regions_of
 
 THRESHOLDS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
@@ -151,8 +151,7 @@ class ImageErrors:
         Raises:
             InputError: no such region, or the data could not tell it apart.
         """
-        if name not in REGIONS:
-            raise unknown_name("region", name, REGIONS)
+        ensure_known("region", name, REGIONS)
         if not self.regions:
             raise InputError(
                 f"image {self.id!r}: has no ground truth, expected a metric that needs none, or other pairs"

@@ -15,11 +15,11 @@ from sfkit.datasets.calibration import Calibration
 from sfkit.datasets.formats import write_disparity_png16, write_png
 from sfkit.datasets.images import read_image
 from sfkit.datasets.pfm import write_pfm
-from sfkit.errors import InputError, SfkitError, SfkitWarning, unknown_name
+from sfkit.errors import InputError, SfkitError, SfkitWarning, ensure_known
 from sfkit.evaluation.point_cloud import depth_of, ensure_centre, point_cloud
 from sfkit.evaluation.prediction import Image, Map, of_right, overview_of, predict, preview_of
 from sfkit.evaluation.self_check import SelfCheck, self_check
-from sfkit.files import unwritable
+from sfkit.files import ensure_writable
 from sfkit.merging.network import LoadedNetwork
 
 FORMS = ("pfm", "png16")
@@ -47,8 +47,7 @@ class Outputs:
     farthest: float | None = None
 
     def __post_init__(self) -> None:
-        if self.form not in FORMS:
-            raise unknown_name("form", self.form, FORMS)
+        ensure_known("form", self.form, FORMS)
         if self.cloud:
             if self.calibration is None:
                 raise InputError("found a point cloud and no calibration, expected the cameras' too")
@@ -147,7 +146,7 @@ class PredictionPlan:
             InputError: an image that cannot be read, two of unequal size, a calibration of another size, a
                 place that cannot be written to, or a file that would be overwritten.
         """
-        ensure_folder(out)
+        ensure_writable(out, out, "choose another place")
         plan = cls(tuple(pairs), tuple(out / left.stem for left, _ in pairs), outputs or Outputs())
         plan._check_targets(overwrite=overwrite)
         # All pairs are read before any is predicted: what cannot be read is told before hours of work.
@@ -194,12 +193,6 @@ def _ensure_one_camera(pairs: Sequence[tuple[Path, Path]], sizes: Sequence[tuple
                 f"{left}: has {width}x{height} pixels and {pairs[0][0]} {sizes[0][1]}x{sizes[0][0]}, "
                 "expected images of one camera for one calibration; predict each camera's by themselves"
             )
-
-
-def ensure_folder(out: Path) -> None:
-    """Refuse a place where no folder can be written to."""
-    if (place := unwritable(out)) is not None:
-        raise InputError(f"{out}: {place} is no folder that can be written to, choose another place")
 
 
 def warn_of_others(paths: Sequence[Path]) -> None:

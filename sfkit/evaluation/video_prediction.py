@@ -19,12 +19,12 @@ from sfkit.evaluation.prediction_files import (
     KINDS,
     Outputs,
     PredictionFiles,
-    ensure_folder,
     ensure_free,
     predict_checked,
     warn_of_others,
     write_prediction,
 )
+from sfkit.files import ensure_writable
 from sfkit.merging.network import LoadedNetwork
 
 _SETTLE = 0.1  # share of a frame's own colour range in that of the video, so that colours do not flicker
@@ -71,7 +71,7 @@ class VideoPlan:
         """
         if every < 1:
             raise InputError(f"every is {every}, expected a number of frames of at least 1")
-        ensure_folder(out)
+        ensure_writable(out, out, "choose another place")
         if video.right is not None:
             ensure_two(video.left, video.right)
         plan = cls(video, out / video.left.stem, outputs or Outputs(), every)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sfkit.checkpoints.headers import WRITTEN_SUFFIXES
-from sfkit.errors import InputError, unknown_name
-from sfkit.files import unwritable
+from sfkit.checkpoints.targets import check_file
+from sfkit.errors import ensure_known
 
 if TYPE_CHECKING:
     from sfkit.merging.network import LoadedNetwork
@@ -76,8 +76,7 @@ def form_of(form: Form | str) -> Form:
     Raises:
         InputError: there is no such format.
     """
-    if form not in tuple(Form):
-        raise unknown_name("format", str(form), Form)
+    ensure_known("format", form, tuple(Form))
     return Form(form)
 
 
@@ -85,18 +84,9 @@ def check_target(out: str | Path, form: Form, *, overwrite: bool) -> Path:
     """Refuse a target before any work is done for it.
 
     Raises:
-        InputError: its ending does not suit the format, it exists, or its folder cannot be made.
+        InputError: as :func:`sfkit.checkpoints.targets.check_file`.
     """
-    out = Path(out)
-    if out.suffix not in ENDINGS[form]:
-        raise InputError(
-            f"{out}: a file of format {form.value!r} ends in {' or '.join(ENDINGS[form])}, name it so"
-        )
-    if out.is_dir() or (out.exists() and not overwrite):
-        raise InputError(f"{out}: exists, give another name or allow overwriting (--force)")
-    if (place := unwritable(out.parent)) is not None:
-        raise InputError(f"{out}: {place} is no folder that can be written to, expected one")
-    return out
+    return check_file(Path(out), f"format {form.value!r}", ENDINGS[form], overwrite=overwrite)
 
 
 def kind_of(loaded: LoadedNetwork) -> str:

@@ -52,7 +52,7 @@ from sfkit.datasets.benchmark import open_benchmarks
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.datasets.training_sets import open_training_set
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.separation import check_separation
 from sfkit.files import home
 from sfkit.outside import read_toml, table, text
@@ -161,8 +161,7 @@ def read_factory(path: str | Path) -> Factory:
     entry = entry_for(name, module, here.resolve())
     common, search = tables["training"], table(tables["search"], f"[search] in {path}", SEARCH_KEYS)
     combine = search.get("combine", COMBINATIONS[0])
-    if combine not in COMBINATIONS:
-        raise unknown_name(f"combine of [search] in {path}", str(combine), COMBINATIONS)
+    ensure_known(f"combine of [search] in {path}", combine, COMBINATIONS)
     orders = tuple(
         _order(path, name, table(entry, f"[sources.{name}] in {path}"), common)
         for name, entry in tables["sources"].items()

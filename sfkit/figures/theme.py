@@ -8,7 +8,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 
 
 class Theme(StrEnum):
@@ -64,8 +64,7 @@ def read_theme(theme: str) -> Theme:
     Raises:
         InputError: none of ``light``, ``dark`` and ``auto``.
     """
-    if theme not in set(Theme):
-        raise unknown_name("theme", theme, [entry.value for entry in Theme])
+    ensure_known("theme", theme, tuple(Theme))
     return Theme(theme)
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import torch
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.pool import Pool
 
 DTYPES: Mapping[str, torch.dtype] = {
@@ -37,8 +37,7 @@ def written_as(pool: Pool, dtype: str | None) -> Pool:
     """
     if dtype is None or dtype == pool.dtype:
         return pool
-    if dtype not in DTYPES:
-        raise unknown_name("dtype", dtype, DTYPES)
+    ensure_known("dtype", dtype, DTYPES)
     if pool.dtype is not None:
         raise InputError(f"dtype: pool {pool.name!r} is written as {pool.dtype} already, found {dtype}")
     kind = DTYPES[dtype]

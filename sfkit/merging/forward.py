@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 
 if TYPE_CHECKING:
     import torch
@@ -32,8 +32,7 @@ class ForwardMode:
     channels_last: bool = False
 
     def __post_init__(self) -> None:
-        if self.precision not in PRECISIONS:
-            raise unknown_name("precision", self.precision, PRECISIONS)
+        ensure_known("precision", self.precision, PRECISIONS)
 
     def describe(self) -> dict[str, Any]:
         """What of this an evaluation's key holds; the layout only where it is not the usual one."""

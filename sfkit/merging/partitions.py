@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from sfkit.checkpoints.checks import Kind
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.pool import Pool
 
@@ -70,8 +70,7 @@ def auto_partition(pool: Pool, blocks: int = BLOCKS, by: str = "modules") -> Blo
     Raises:
         InputError: another way, or more blocks than there are layers to divide.
     """
-    if by not in WAYS:
-        raise unknown_name("way to partition", by, WAYS)
+    ensure_known("way to partition", by, WAYS)
     if isinstance(blocks, bool) or not isinstance(blocks, int) or blocks < 1:
         raise InputError(f"blocks: found {blocks!r}, expected a whole number of at least 1")
     groups = _by_modules(pool, blocks) if by == "modules" else _by_disagreement(pool, blocks)
@@ -85,8 +84,7 @@ def parse_partition(text: str) -> tuple[str, int]:
         InputError: the text is neither.
     """
     way, colon, number = text.partition(":")
-    if way not in WAYS:
-        raise unknown_name("way to partition", way, WAYS)
+    ensure_known("way to partition", way, WAYS)
     if colon and not (number.isdecimal() and int(number) >= 1):
         raise InputError(f"blocks: found {text!r}, expected a number of blocks after the colon, as {way}:4")
     return way, int(number) if colon else BLOCKS

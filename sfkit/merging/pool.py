@@ -16,7 +16,7 @@ from sfkit.architectures import Architecture
 from sfkit.cards import card
 from sfkit.checkpoints.checks import TensorSpec
 from sfkit.checkpoints.spec import PoolSpec
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.live import LiveModel
@@ -112,8 +112,7 @@ class Pool:
         """
         chosen = tuple(names)
         for name in chosen:
-            if name not in self.identity:
-                raise unknown_name(f"source of pool {self.name!r}", name, self.identity)
+            ensure_known(f"source of pool {self.name!r}", name, self.identity)
         if len(set(chosen)) != len(chosen):
             raise InputError(f"subset {', '.join(chosen)} names a source twice, expected each once")
         return chosen

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sfkit.cards import card
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.merging.steps import Step, as_dicts, from_dicts
 from sfkit.outside import number, parse_json, table
 from sfkit.outside import text as read_text_value
@@ -114,8 +114,7 @@ class Recipe:
         Raises:
             InputError: no such block.
         """
-        if block not in self.blocks:
-            raise unknown_name("block", block, self.blocks)
+        ensure_known("block", block, self.blocks)
         b = self.blocks.index(block)
         return dict(zip(self.sources, self.weights[b], strict=True)), self.scales[b]
 

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 
 
 @dataclass(frozen=True)
@@ -192,12 +192,10 @@ def from_dicts(values: object, where: str = "recipe") -> tuple[Step, ...]:
 
 def _step(entry: dict[str, Any], where: str) -> Step:
     kind = entry.pop("step", None)
-    if kind not in _KINDS:
-        raise unknown_name(f"{where}: preparation step", str(kind), _KINDS)
+    ensure_known(f"{where}: preparation step", kind, _KINDS)
     known = {field.name for field in fields(_KINDS[kind])}
     for key in entry:
-        if key not in known:
-            raise unknown_name(f"{where}: setting of step {kind!r}", key, known)
+        ensure_known(f"{where}: setting of step {kind!r}", key, known)
     try:
         return _KINDS[kind](**entry)
     except InputError as error:
@@ -223,5 +221,4 @@ def _finite(value: object) -> bool:
 
 
 def _require(step: str, setting: str, value: object, allowed: Sequence[str]) -> None:
-    if value not in allowed:
-        raise unknown_name(f"{step}: {setting}", str(value), allowed)
+    ensure_known(f"{step}: {setting}", value, allowed)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sfkit import files
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 
 
 def notebook_folder() -> Path:
@@ -30,6 +30,5 @@ def notebook_path(name: str) -> Path:
     """
     folder = notebook_folder()
     names = [path.stem for path in folder.glob("*.ipynb")]
-    if name not in names:
-        raise unknown_name("notebook", name, names)
+    ensure_known("notebook", name, names)
     return folder / f"{name}.ipynb"

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.files import trouble
 
 if TYPE_CHECKING:
@@ -135,8 +135,7 @@ def check_parameters(path: Path, defaults: Mapping[str, Any], values: Mapping[st
     """
     plain: dict[str, Any] = {}
     for name, given in values.items():
-        if name not in defaults:
-            raise unknown_name(f"parameter of {path.name}", name, defaults)
+        ensure_known(f"parameter of {path.name}", name, defaults)
         value, usual = _plain(name, given), defaults[name]
         if usual is not None and value is not None and _kind(value) != _kind(usual):
             raise InputError(

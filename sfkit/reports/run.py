@@ -17,7 +17,7 @@ import papermill
 from papermill.exceptions import PapermillExecutionError
 
 from sfkit.errors import InputError, SfkitError
-from sfkit.files import unwritable, write_text
+from sfkit.files import ensure_writable, write_text
 from sfkit.reports.kernel import ThisInterpreter, Watcher
 from sfkit.reports.page import Failure, NotebookRun, render_page
 from sfkit.reports.parameters import check_parameters, parameter_defaults, read_notebook
@@ -105,8 +105,7 @@ def _check_target(source: Path, page: Path) -> None:
         raise InputError(f"{page}: found the ending {page.suffix!r}, expected a report that ends in .html")
     if page.is_dir():
         raise InputError(f"{page}: found a folder, expected the name of the HTML file to write")
-    if (place := unwritable(page.parent)) is not None:
-        raise InputError(f"{page}: {place} is no folder that can be written to, choose another place")
+    ensure_writable(page.parent, page, "choose another place")
     executed = page.with_suffix(".ipynb")
     if executed.exists() and (executed.samefile(source) or not _written_by_papermill(executed)):
         raise InputError(

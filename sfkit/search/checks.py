@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from numbers import Integral, Real
 from typing import Any
 
-from sfkit.errors import InputError, nearest, unknown_name
+from sfkit.errors import InputError, ensure_known, unknown_name
 from sfkit.settings import Check
 
 METHODS = ("paper", "bayesian")
@@ -60,8 +60,7 @@ def one_of(words: tuple[str, ...]) -> Check:
     """The check of a setting that is one of some words."""
 
     def check(argument: str, value: Any) -> Any:
-        if value not in words:
-            raise unknown_name(argument, value, words)
+        ensure_known(argument, value, words)
         return value
 
     return check
@@ -126,10 +125,7 @@ def require_known(argument: str, names: Iterable[str], allowed: Iterable[str], k
     known = tuple(allowed)
     for name in names:
         if name not in known:
-            listed = ", ".join(sorted(known))
-            raise InputError(
-                f"{argument}: unknown {kind} {name!r}, expected one of: {listed}{nearest(name, known)}"
-            )
+            raise InputError(f"{argument}: {unknown_name(kind, name, known)}")
 
 
 def check_rank(rank: int | None, tied: bool) -> None:

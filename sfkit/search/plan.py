@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Scorer
@@ -113,8 +113,7 @@ class SearchPlan:
         Raises:
             InputError: another word than these, or a hold-out for the latter.
         """
-        if method not in METHODS:
-            raise unknown_name("method", method, METHODS)
+        ensure_known("method", method, METHODS)
         require_whole("batch", batch, 1)
         seed, second = self.stage1.seed, self.stage2
         stage1: SubsetSettings = SubsetSettings(seed=seed)

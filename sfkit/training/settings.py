@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
 from typing import Any
 
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.outside import table
 from sfkit.settings import Check, setting, settle
 
@@ -58,8 +58,7 @@ def _crop(name: str, value: Any) -> Any:
 
 
 def _precision(name: str, value: Any) -> Any:
-    if value not in list(Precision):
-        raise unknown_name(name, str(value), [p.value for p in Precision])
+    ensure_known(name, value, tuple(Precision))
     return Precision(value)
 
 

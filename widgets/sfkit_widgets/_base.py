@@ -10,7 +10,7 @@ from typing import Any
 import anywidget
 import traitlets
 
-from sfkit.errors import unknown_name
+from sfkit.errors import ensure_known
 from sfkit.figures import Theme
 from sfkit_widgets._commands import call, sentence
 from sfkit_widgets._sheet import Sheet
@@ -118,8 +118,7 @@ class SfkitWidget(anywidget.AnyWidget):
         """
         allowed = [*cls.class_trait_names(setting=True), "layout", *also]
         for name in settings:
-            if name not in allowed:
-                raise unknown_name(f"argument of {cls.__name__}", name, allowed)
+            ensure_known(f"argument of {cls.__name__}", name, allowed)
 
     @contextmanager
     def changing(self) -> Iterator[None]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from sfkit.errors import InputError, SfkitError, unknown_name
+from sfkit.errors import InputError, SfkitError, ensure_known
 
 Method = TypeVar("Method", bound=Callable[..., Any])
 
@@ -47,8 +47,7 @@ def call(owner: object, content: Mapping[str, Any]) -> None:
     """
     name = content.get("command")
     known = commands_of(type(owner))
-    if name not in known:
-        raise unknown_name("command", str(name), known)
+    ensure_known("command", name, known)
     method, arguments = getattr(owner, str(name)), content.get("arguments") or {}
     signature = inspect.signature(method)
     try:

@@ -10,7 +10,7 @@ import traitlets
 
 from sfkit.analysis.disparities import Comparison, Network
 from sfkit.datasets.benchmark import Benchmark
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.merging.pool import Pool
 from sfkit_widgets._assets import script, style
@@ -168,8 +168,7 @@ class DisparityCompare(SfkitWidget):
     @traitlets.validate("first", "second")
     def _known_network(self, proposal: Any) -> str:
         name = str(proposal["value"])
-        if name not in self._comparison.networks:
-            raise unknown_name(f"network for {proposal['trait'].name!r}", name, self._comparison.networks)
+        ensure_known(f"network for {proposal['trait'].name!r}", name, self._comparison.networks)
         return name
 
     @traitlets.validate("limits")

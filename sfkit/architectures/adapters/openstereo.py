@@ -19,7 +19,7 @@ from sfkit.architectures.inputs import InputConvention, PadSides
 from sfkit.architectures.module_blocks import ByNetwork, top_level_blocks
 from sfkit.architectures.registry import Blocks, Options, register_architecture
 from sfkit.architectures.yaml_file import read_yaml
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 from sfkit.files import home
 
 PAGE = "XiandaGuo/OpenStereo"
@@ -82,8 +82,7 @@ def _name(options: Mapping[str, Any]) -> str:
     name = str(_configuration(options)["MODEL"]["NAME"])
     if name in NOT_OFFERED:
         raise InputError(f"OpenStereo's {name} is not offered: as it stands it does not run on a CPU")
-    if name not in MODELS:
-        raise unknown_name("model of OpenStereo", name, MODELS)
+    ensure_known("model of OpenStereo", name, MODELS)
     return name
 
 

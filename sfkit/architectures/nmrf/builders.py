@@ -23,7 +23,7 @@ from sfkit.architectures.nmrf.state_dicts import (
     renamer,
 )
 from sfkit.architectures.registry import Options, register_architecture
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
 
 SWIN_DROP_PATH = 0.4
 
@@ -95,8 +95,7 @@ def convention(size: Size) -> Callable[[Options], InputConvention]:
 
 def _normalisation(name: str) -> Normalisation:
     names = [n.value for n in Normalisation]
-    if name not in names:
-        raise unknown_name("normalisation", name, names)
+    ensure_known("normalisation", name, names)
     return Normalisation(name)
 
 
