@@ -23,6 +23,7 @@ from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pairs import StereoPair
 from sfkit.errors import InputError
 from sfkit.files import home, is_file, trouble
+from sfkit.settings import require_whole
 
 UNLABELLED = "unlabelled"
 DEPTH = 4
@@ -51,8 +52,7 @@ def find_unlabelled(
         InputError: nothing is there, folders of different length, a frame on one side only, or a table
             that cannot be read.
     """
-    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
-        raise InputError(f"every: found {every!r}, expected a whole number of at least 1")
+    require_whole("every", every, 1)
     root = home(root)
     if table is None and root.is_file():
         table, root = root, root.parent

@@ -59,6 +59,7 @@ from sfkit.outside import read_toml, table, text
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.checks import METHODS
 from sfkit.search.plan import SearchPlan
+from sfkit.settings import require_whole
 from sfkit.training import TrainingSettings
 
 KEYS = (
@@ -207,7 +208,7 @@ def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, An
         )
     data = _data(path, where, entry)
     if "pairs" in entry:
-        data = data.first(_whole(entry["pairs"], f"{where}: pairs", least=1))
+        data = data.first(require_whole(f"{where}: pairs", entry["pairs"], 1))
     own = table(entry.get("training", {}), f"[sources.{name}.training] in {path}")
     settings = TrainingSettings.from_dict({**common, **own}, where)
     return Order(name, data, settings, text(entry.get("licence", ""), f"{where}: licence"))
@@ -217,7 +218,7 @@ def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
     name = text(entry.get("data", ""), f"{where}: data")
     collection, colon, domain = name.partition(":")
     if colon and collection in banks():
-        return rendered(domain, _whole(entry.get("pairs", 160), f"{where}: pairs", least=1), of=collection)
+        return rendered(domain, require_whole(f"{where}: pairs", entry.get("pairs", 160), 1), of=collection)
     if "root" not in entry:
         raise InputError(f"{where}: the key root is missing, expected the folder of {name!r}")
     root = path.parent / home(text(entry["root"], f"{where}: root"))
@@ -250,7 +251,7 @@ def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> 
 
 def _plan(path: Path, search: Mapping[str, Any]) -> SearchPlan:
     def size(key: str, default: int) -> int:
-        return _whole(search.get(key, default), f"{key} of [search] in {path}")
+        return require_whole(f"{key} of [search] in {path}", search.get(key, default), 0)
 
     seed = size("seed", 0)
     plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
@@ -262,12 +263,6 @@ def _plan(path: Path, search: Mapping[str, Any]) -> SearchPlan:
         budget = size("evaluations", plan.stage2.evaluations)
         plan = replace(plan, stage2=replace(plan.stage2, evaluations=budget) if budget else None)
     return replace(plan, resamples=size("resamples", plan.resamples))
-
-
-def _whole(value: object, where: str, least: int = 0) -> int:
-    if type(value) is not int or value < least:
-        raise InputError(f"{where}: found {value!r}, expected a whole number of at least {least}")
-    return value
 
 
 def _truth(values: Mapping[str, Any], key: str, where: str) -> bool:

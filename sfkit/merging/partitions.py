@@ -18,6 +18,7 @@ from sfkit.checkpoints.checks import Kind
 from sfkit.errors import InputError, ensure_known
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.pool import Pool
+from sfkit.settings import require_whole
 
 WAYS = ("modules", "disagreement")
 BLOCKS = 4
@@ -71,8 +72,7 @@ def auto_partition(pool: Pool, blocks: int = BLOCKS, by: str = "modules") -> Blo
         InputError: another way, or more blocks than there are layers to divide.
     """
     ensure_known("way to partition", by, WAYS)
-    if isinstance(blocks, bool) or not isinstance(blocks, int) or blocks < 1:
-        raise InputError(f"blocks: found {blocks!r}, expected a whole number of at least 1")
+    require_whole("blocks", blocks, 1)
     groups = _by_modules(pool, blocks) if by == "modules" else _by_disagreement(pool, blocks)
     return BlockPartition.of({f"part{n}": patterns for n, patterns in enumerate(groups, start=1)})
 

@@ -33,7 +33,7 @@ class Trim:
     def __post_init__(self) -> None:
         if not (_finite(self.density) and 0.0 < self.density <= 1.0):
             raise InputError(f"trim: found density {self.density!r}, expected a number above 0 and at most 1")
-        _require("trim", "per", self.per, ("vector", "tensor"))
+        ensure_known("trim: per", self.per, ("vector", "tensor"))
 
     @property
     def idle(self) -> bool:
@@ -67,7 +67,7 @@ class Drop:
             raise InputError(f"drop: found probability {self.probability!r}, expected it in [0, 1)")
         if isinstance(self.seed, bool) or not isinstance(self.seed, int) or self.seed < 0:
             raise InputError(f"drop: found seed {self.seed!r}, expected a whole number of at least 0")
-        _require("drop", "rescale", self.rescale, ("probability", "norm", "none"))
+        ensure_known("drop: rescale", self.rescale, ("probability", "norm", "none"))
 
     @property
     def idle(self) -> bool:
@@ -123,8 +123,8 @@ class Elect:
     def __post_init__(self) -> None:
         object.__setattr__(self, "sources", tuple(self.sources))
         object.__setattr__(self, "weights", tuple(map(float, self.weights)))
-        _require("elect", "zero", self.zero, ("majority", "plus"))
-        _require("elect", "combine", self.combine, ("mean", "sum"))
+        ensure_known("elect: zero", self.zero, ("majority", "plus"))
+        ensure_known("elect: combine", self.combine, ("mean", "sum"))
         if self.weights and len(self.weights) != len(self.sources):
             raise InputError(
                 f"elect: found {len(self.weights)} weights for {len(self.sources)} sources, "
@@ -218,7 +218,3 @@ def _text(value: object) -> str:
 
 def _finite(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _require(step: str, setting: str, value: object, allowed: Sequence[str]) -> None:
-    ensure_known(f"{step}: {setting}", value, allowed)

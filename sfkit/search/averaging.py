@@ -25,11 +25,11 @@ from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.base import Search
-from sfkit.search.checks import require_whole
 from sfkit.search.journal import Journal
 from sfkit.search.records import Candidate
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingSettings
+from sfkit.settings import require_whole
 from sfkit.streams import Stream, generator
 
 AVERAGED = "averaged winner"

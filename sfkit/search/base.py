@@ -45,6 +45,8 @@ class Search(ABC, Generic[C]):
 
     kind: ClassVar[str]
     """What the journal calls this search."""
+    predicted: ClassVar[tuple[str, ...]] = ()
+    """Columns that its history has besides: what a model foretold, NaN where it proposed nothing."""
 
     def __init__(self, scorer: Scorer, journal: Journal | None) -> None:
         self._scorer = scorer

@@ -30,13 +30,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from sfkit.errors import InputError
 from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
-from sfkit.search.checks import between, positive, whole
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import Vector
 from sfkit.search.gaussian_process import Array, Points
@@ -44,16 +42,16 @@ from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import Distribution, RoutingCandidate, RoutingSettings, RoutingState
 from sfkit.search.surrogate import (
+    PREDICTED,
     Prediction,
+    Proposed,
     Surrogate,
     features,
     known_records,
     learned,
-    prediction_record,
     recipe_features,
-    with_predictions,
 )
-from sfkit.settings import setting
+from sfkit.settings import between, positive, setting, whole
 from sfkit.streams import Stream, generator
 
 _DRAWN = 256
@@ -97,18 +95,8 @@ class BayesianRoutingSettings(RoutingSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProposedRouting(RoutingCandidate):
-    """A vector, its recipe, and what the model said of it before.
-
-    Attributes:
-        prediction: of the score, the bound with the penalties; None where no model proposed it.
-    """
-
-    prediction: Prediction | None = None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain values for the history and the journal."""
-        return {**super().as_record(), **prediction_record(self.prediction)}
+class ProposedRouting(Proposed, RoutingCandidate):
+    """A vector, its recipe, and what the model said of it before."""
 
 
 class BayesianRoutingSearch(RoutingSearch):
@@ -119,6 +107,7 @@ class BayesianRoutingSearch(RoutingSearch):
     """
 
     settings: BayesianRoutingSettings
+    predicted = PREDICTED
 
     def __init__(
         self,
@@ -173,14 +162,6 @@ class BayesianRoutingSearch(RoutingSearch):
         over = len(self._state.candidates) >= self.settings.evaluations
         return f"the budget of {self.settings.evaluations} evaluations is used up" if over else None
 
-    @property
-    def history(self) -> pd.DataFrame:
-        """One row a candidate: the columns of Stage 2, then ``predicted_mean``, ``predicted_sd`` and
-        ``acquisition`` in the score's unit (NaN where no model proposed it).
-        """
-        told = (c.prediction for c in self._state.candidates if isinstance(c, ProposedRouting))
-        return with_predictions(super().history, told)
-
     def _advance(self) -> None:
         state = self._state
         generation = state.generation + 1
@@ -204,7 +185,7 @@ class BayesianRoutingSearch(RoutingSearch):
 
     def _region(self) -> Distribution:
         """The trust region: around the best, as wide as the course of the search says."""
-        best, radius = self.best, float(self.settings.sigma)
+        best, radius = self.best, self.settings.sigma
         lowest, good, bad = math.inf, 0, 0
         for candidate in self._state.candidates:
             better = candidate.fitness < lowest
@@ -213,11 +194,11 @@ class BayesianRoutingSearch(RoutingSearch):
                 continue
             good, bad = (good + 1, 0) if better else (0, bad + 1)
             if 2 * good >= self.settings.patience:
-                radius, good = min(2.0 * radius, 4.0 * float(self.settings.sigma)), 0
+                radius, good = min(2.0 * radius, 4.0 * self.settings.sigma), 0
             elif bad >= self.settings.patience:
                 radius, bad = radius / 2.0, 0
             if radius < self.settings.smallest:
-                radius = float(self.settings.sigma)
+                radius = self.settings.sigma
         centre = tuple(self._mean()) if best is None else best.x
         return Distribution(tuple(float(m) for m in centre), radius, (radius,) * self.encoding.dimension)
 
@@ -244,7 +225,7 @@ class BayesianRoutingSearch(RoutingSearch):
         self, model: Surrogate, centre: Vector, radius: float, rng: np.random.Generator
     ) -> tuple[Vector, Prediction]:
         """The smallest bound among draws in and outside the region, then nearer and nearer around it."""
-        beta, far = float(self.settings.beta), float(self.settings.far)
+        beta, far = self.settings.beta, self.settings.far
         around, reach, found = centre, radius, (math.inf, math.inf, math.inf)
         chosen = centre
         for turn in range(_ROUNDS):

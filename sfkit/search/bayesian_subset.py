@@ -15,14 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.acquisition import equal_weights, listed, smallest_bound
 from sfkit.search.breeding import Draft, SubsetSettings
-from sfkit.search.checks import LARGEST_POPULATION, between, require_known, whole
+from sfkit.search.checks import LARGEST_POPULATION, require_known
 from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
@@ -30,16 +29,16 @@ from sfkit.search.operators import SMALLEST, Chromosome, SubsetSpace, random_chr
 from sfkit.search.records import SubsetCandidate
 from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import (
+    PREDICTED,
     Prediction,
+    Proposed,
     Surrogate,
     features,
     known_records,
     learned,
-    prediction_record,
     recipe_features,
-    with_predictions,
 )
-from sfkit.settings import setting
+from sfkit.settings import between, setting, whole
 from sfkit.streams import Stream, generator
 
 _TRIES = 1000
@@ -87,18 +86,8 @@ class BayesianSubsetSettings(SubsetSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProposedSubset(SubsetCandidate):
-    """A subset, and what the model said of it before.
-
-    Attributes:
-        prediction: None where no model proposed it.
-    """
-
-    prediction: Prediction | None = None
-
-    def as_record(self) -> dict[str, Any]:
-        """Plain values for the history and the journal."""
-        return {**super().as_record(), **prediction_record(self.prediction)}
+class ProposedSubset(Proposed, SubsetCandidate):
+    """A subset, and what the model said of it before."""
 
 
 class BayesianSubsetSearch(SubsetSearch):
@@ -111,6 +100,7 @@ class BayesianSubsetSearch(SubsetSearch):
     """
 
     settings: BayesianSubsetSettings
+    predicted = PREDICTED
 
     def __init__(
         self,
@@ -182,14 +172,6 @@ class BayesianSubsetSearch(SubsetSearch):
         """The best different subsets of two sources or more, best first."""
         return tuple(c for c in super().archive() if len(c.subset) >= SMALLEST)[:size]
 
-    @property
-    def history(self) -> pd.DataFrame:
-        """One row a candidate: the columns of Stage 1, then ``predicted_mean``, ``predicted_sd`` and
-        ``acquisition`` in the score's unit (NaN where no model proposed it).
-        """
-        told = (c.prediction for c in self._state.candidates if isinstance(c, ProposedSubset))
-        return with_predictions(super().history, told)
-
     def _advance(self) -> None:
         state = self._state
         generation = state.generation + 1
@@ -253,7 +235,7 @@ class BayesianSubsetSearch(SubsetSearch):
     def _acquired(
         self, model: Surrogate, met: set[Chromosome], rng: np.random.Generator
     ) -> tuple[Chromosome, Prediction]:
-        beta = float(self.settings.beta)
+        beta = self.settings.beta
 
         def bound(weights: Array) -> Array:
             return model.bounds(self._points(weights), beta)[2]

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sfkit.search.checks import LARGEST_POPULATION, between, one_of, whole
+from sfkit.search.checks import LARGEST_POPULATION
 from sfkit.search.operators import Chromosome, SubsetSpace, crossover, mutate, random_chromosome, tournament
-from sfkit.settings import setting, settle
+from sfkit.settings import between, one_of, setting, settle, whole
 
 if TYPE_CHECKING:
     import numpy as np

@@ -2,93 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
-from numbers import Integral, Real
-from typing import Any
 
-from sfkit.errors import InputError, ensure_known, unknown_name
-from sfkit.settings import Check
+from sfkit.errors import InputError, unknown_name
+from sfkit.settings import require_between, require_whole
 
 METHODS = ("paper", "bayesian")
 """Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
 LARGEST_POPULATION = 100_000
 """Candidates that are held at the same time; what is far above is a slip, and would fill the memory."""
-
-
-def require_whole(argument: str, value: object, least: int) -> int:
-    """The value as an ``int``; refuses anything but a whole number of at least ``least``.
-
-    Raises:
-        InputError: naming the argument, what was found and what was expected.
-    """
-    # To Python True is a whole number; as a setting it is a mistake.
-    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
-        raise InputError(f"{argument}: found {value!r}, expected a whole number of at least {least}")
-    return int(value)
-
-
-def whole(least: int, most: int | None = None) -> Check:
-    """The check of a setting that is a whole number of at least ``least``, and of at most ``most``."""
-
-    def check(argument: str, value: Any) -> Any:
-        number = require_whole(argument, value, least)
-        if most is not None and number > most:
-            raise InputError(f"{argument}: found {number}, expected a whole number of at most {most}")
-        return number
-
-    return check
-
-
-def between(low: float, high: float = math.inf) -> Check:
-    """The check of a setting in [low, high]."""
-
-    def check(argument: str, value: Any) -> Any:
-        require_between(argument, value, low, high)
-        return float(value)
-
-    return check
-
-
-def positive(argument: str, value: Any) -> Any:
-    """The check of a setting above 0."""
-    require_positive(argument, value)
-    return float(value)
-
-
-def one_of(words: tuple[str, ...]) -> Check:
-    """The check of a setting that is one of some words."""
-
-    def check(argument: str, value: Any) -> Any:
-        ensure_known(argument, value, words)
-        return value
-
-    return check
-
-
-def require_between(argument: str, value: object, low: float, high: float = math.inf) -> None:
-    """Refuse anything but a finite number in [low, high].
-
-    Raises:
-        InputError: naming the argument, what was found and what was expected.
-    """
-    if isinstance(value, Real):
-        number = float(value)
-        if math.isfinite(number) and low <= number <= high:
-            return
-    wanted = f"of at least {low:g}" if high == math.inf else f"between {low:g} and {high:g}"
-    raise InputError(f"{argument}: found {value!r}, expected a finite number {wanted}")
-
-
-def require_positive(argument: str, value: object) -> None:
-    """Refuse anything but a finite number above 0.
-
-    Raises:
-        InputError: naming the argument and what was found.
-    """
-    require_between(argument, value, 0.0)
-    if value == 0:
-        raise InputError(f"{argument}: found {value!r}, expected a finite number above 0")
 
 
 def distinct_names(argument: str, values: Iterable[str]) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe
-from sfkit.search.checks import distinct_names, require_known, whole
+from sfkit.search.checks import distinct_names, require_known
 from sfkit.search.operators import SMALLEST, SubsetSpace
-from sfkit.settings import setting, settle
+from sfkit.settings import setting, settle, whole
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ class Encoding:
         sources = len(self.sources)
         if self.rank is None:
             return self.rows * sources
-        return sources + int(self.rank) * (self.rows + sources)
+        return sources + self.rank * (self.rows + sources)
 
     @property
     def dimension(self) -> int:
@@ -94,7 +94,7 @@ class Encoding:
         if self.rank is None:
             return x[..., : self._cut].reshape(*many, self.rows, sources)
         # Entry r is a_r, then b_r: one reshape parts them for any number of vectors.
-        factors = x[..., sources : self._cut].reshape(*many, int(self.rank), self.rows + sources)
+        factors = x[..., sources : self._cut].reshape(*many, self.rank, self.rows + sources)
         a, b = factors[..., : self.rows], factors[..., self.rows :]
         return np.asarray(x[..., None, :sources] + np.swapaxes(a, -1, -2) @ b)
 
@@ -164,7 +164,7 @@ class Encoding:
         """u, then a_r and b_r, of the nearest W = 1 u^T + sum_r a_r b_r^T in the sum of squares."""
         u = logits.mean(axis=0)
         left, strengths, right = np.linalg.svd(logits - u, full_matrices=False)
-        factors = np.zeros((int(self.rank or 0), self.rows + len(self.sources)))
+        factors = np.zeros((self.rank or 0, self.rows + len(self.sources)))
         for r in range(min(len(factors), len(strengths))):
             # Each side takes the root of the strength: steps of CMA-ES, alike in all entries, then move both
             # alike.

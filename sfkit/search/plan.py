@@ -18,13 +18,14 @@ from sfkit.search.averaging import check_averaging, check_choice
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
-from sfkit.search.checks import METHODS, require_whole
+from sfkit.search.checks import METHODS
 from sfkit.search.constraints import Constraints
 from sfkit.search.journal import Journal
 from sfkit.search.routing import RoutingSearch, encoding_of
 from sfkit.search.routing_records import RoutingSettings
 from sfkit.search.run_folder import NAMES
 from sfkit.search.subset import SubsetSearch
+from sfkit.settings import require_whole
 
 MOST_RESAMPLES = 10_000  # more take memory, and tell nothing that these did not
 _PROPOSED = BayesianSubsetSettings().generations

@@ -190,7 +190,9 @@ ORIGIN = ("cached", "repeated", "seconds", "key")
 
 
 def subset_history(
-    candidates: Sequence[SubsetCandidate], populations: Sequence[Sequence[int]]
+    candidates: Sequence[SubsetCandidate],
+    populations: Sequence[Sequence[int]],
+    predicted: Sequence[str] = (),
 ) -> pd.DataFrame:
     """Table of a Stage 1 search.
 
@@ -200,14 +202,14 @@ def subset_history(
     by this search), ``seconds`` (what the evaluation took when it was computed), ``key`` (in the store),
     ``chromosome`` (tuple of names in the order of the genes), ``parents`` (tuple of numbers),
     ``operators`` (tuple, in order), ``survived`` (True where the candidate is in the population of its
-    own generation).
+    own generation), and those of ``predicted``.
     """
     survived = [set(population) for population in populations]
     rows = [
         {**candidate.as_record(), "survived": candidate.number in survived[candidate.generation]}
         for candidate in candidates
     ]
-    columns = [*COMMON, *ORIGIN, "chromosome", "parents", "operators", "survived"]
+    columns = [*COMMON, *ORIGIN, "chromosome", "parents", "operators", "survived", *predicted]
     import pandas as pd
 
     return pd.DataFrame(rows, columns=columns)

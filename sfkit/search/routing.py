@@ -124,7 +124,8 @@ class RoutingSearch(Search[RoutingCandidate]):
     @property
     def history(self) -> pd.DataFrame:
         """One row a candidate; columns as at :func:`sfkit.search.routing_records.routing_history`."""
-        return routing_history(self._state.candidates, self.sources, self.blocks, self.encoding.dimension)
+        names = (self.sources, self.blocks, self.encoding.dimension)
+        return routing_history(self._state.candidates, *names, self.predicted)
 
     @property
     def best(self) -> RoutingCandidate | None:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 from sfkit.evaluation.holdout import check_holdout
 from sfkit.search.base import SearchState
-from sfkit.search.checks import LARGEST_POPULATION, between, check_gamma, check_rank, positive, whole
+from sfkit.search.checks import LARGEST_POPULATION, check_gamma, check_rank
 from sfkit.search.records import COMMON, ORIGIN, Candidate
-from sfkit.settings import setting, settle
+from sfkit.settings import between, positive, setting, settle, whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -199,7 +199,11 @@ class RoutingState(SearchState[RoutingCandidate]):
 
 
 def routing_history(
-    candidates: Sequence[RoutingCandidate], sources: Sequence[str], blocks: Sequence[str], dimension: int
+    candidates: Sequence[RoutingCandidate],
+    sources: Sequence[str],
+    blocks: Sequence[str],
+    dimension: int,
+    predicted: Sequence[str] = (),
 ) -> pd.DataFrame:
     """Table of a Stage 2 search.
 
@@ -211,7 +215,8 @@ def routing_history(
     ``held`` (score on the pairs that guide the search and on those held out; None without), ``penalised``
     (guiding + penalty, what the search minimises), ``sigma`` (step size that it was sampled with),
     ``axis:<i>`` (standard deviations along the principal axes of that distribution, ascending),
-    ``weight:<block>:<source>`` (routing weights) and ``scale:<block>`` (module scales).
+    ``weight:<block>:<source>`` (routing weights), ``scale:<block>`` (module scales), and those of
+    ``predicted``.
     """
     rows = [_routing_row(candidate) for candidate in candidates]
     axes = [f"axis:{i}" for i in range(dimension)]
@@ -220,7 +225,7 @@ def routing_history(
     own = ["origin", "penalty", "fold", "guiding", "held", "penalised", "sigma"]
     import pandas as pd
 
-    return pd.DataFrame(rows, columns=[*COMMON, *ORIGIN, *own, *axes, *weights, *scales])
+    return pd.DataFrame(rows, columns=[*COMMON, *ORIGIN, *own, *axes, *weights, *scales, *predicted])
 
 
 def _routing_row(candidate: RoutingCandidate) -> dict[str, object]:

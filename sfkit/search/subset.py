@@ -117,7 +117,7 @@ class SubsetSearch(Search[SubsetCandidate]):
     @property
     def history(self) -> pd.DataFrame:
         """One row a candidate; the columns are described at :func:`sfkit.search.records.subset_history`."""
-        return subset_history(self._state.candidates, self._state.populations)
+        return subset_history(self._state.candidates, self._state.populations, self.predicted)
 
     def recipe(self, chromosome: Chromosome) -> Recipe:
         """The equal-weight merge a chromosome stands for (eq. 4), its sources in the pool's order."""

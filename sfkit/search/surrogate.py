@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from sfkit.evaluation.known import Known
 from sfkit.merging.recipe import Recipe
 from sfkit.search.gaussian_process import Array, GaussianProcess, Points, fit
+from sfkit.search.records import Candidate
 
 LARGEST = 400
 """The most points a model learns from, the best ones; its cost grows with the cube of their number."""
@@ -37,19 +37,24 @@ class Prediction:
         return {"predicted_mean": self.mean, "predicted_sd": self.sd, "acquisition": self.acquisition}
 
 
-_NO_PREDICTION = {"predicted_mean": math.nan, "predicted_sd": math.nan, "acquisition": math.nan}
-"""The record of a candidate that no model proposed."""
+UNPREDICTED = Prediction(math.nan, math.nan, math.nan)
+PREDICTED = tuple(UNPREDICTED.as_record())
+"""Columns that histories of searches by a model have besides, in the score's unit."""
 
 
-def prediction_record(prediction: Prediction | None) -> dict[str, float]:
-    """A prediction as plain values, NaN where no model proposed the candidate."""
-    return _NO_PREDICTION if prediction is None else prediction.as_record()
+@dataclass(frozen=True, kw_only=True)
+class Proposed(Candidate):
+    """A candidate, and what the model said of it before.
 
+    Attributes:
+        prediction: of the score, the bound with the penalties; None where no model proposed it.
+    """
 
-def with_predictions(history: pd.DataFrame, predictions: Iterable[Prediction | None]) -> pd.DataFrame:
-    """A history with ``predicted_mean``, ``predicted_sd`` and ``acquisition`` beside each candidate."""
-    records = [prediction_record(prediction) for prediction in predictions]
-    return history.join(pd.DataFrame(records, columns=list(_NO_PREDICTION)))
+    prediction: Prediction | None = None
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain values for the history and the journal; NaN where no model proposed it."""
+        return {**super().as_record(), **(self.prediction or UNPREDICTED).as_record()}
 
 
 def known_records(known: Iterable[Known]) -> list[dict[str, Any]]:

@@ -14,8 +14,7 @@ import typer
 from sfkit.cli import finetune, main
 from sfkit.cli.groups import Group, PanelCommand, grouped
 from sfkit.errors import InputError
-from sfkit.search.checks import whole
-from sfkit.settings import setting, setting_of, settle
+from sfkit.settings import setting, setting_of, settle, whole
 from sfkit.training import Augmentation, TrainingSettings
 
 

@@ -11,7 +11,7 @@ from sfkit.analysis.drawn_points import drawn_points
 from sfkit.analysis.evolution import Evolution, Individual
 from sfkit.analysis.labels import metric_label
 from sfkit.datasets.metric import Metric
-from sfkit.errors import InputError
+from sfkit.settings import require_whole
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._model_state import finite, shown_predictions
 from sfkit_widgets._sheet import Sheet
@@ -55,8 +55,7 @@ class PopulationView(SearchView):
     def __init__(
         self, search: Watchable, *, archive: int = 8, metric: str | None = None, **settings: Any
     ) -> None:
-        if isinstance(archive, bool) or not isinstance(archive, int) or archive < 0:
-            raise InputError(f"archive: found {archive!r}, expected a whole number of at least 0")
+        require_whole("archive", archive, 0)
         self._archive = archive
         super().__init__(source_of(search, metric, kind="subset"), settings)
 
