@@ -20,8 +20,7 @@ from typing import Any, Literal
 
 from processes import answered, call_watched, machine, shown
 from synthetic_pool import PoolShape, describe, file_size, forget_pages, temporary_folder, write_checkpoints
-
-from sfkit.analysis.tables import markdown_lines
+from tabulated import markdown_lines
 
 DOCUMENT = "benchmarks/README.md"
 

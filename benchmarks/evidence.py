@@ -21,9 +21,9 @@ import pandas as pd
 from evidence_bank import FIRST, SHARP, EvidenceStudy
 from kept import RUNS, Job, KeptRuns
 from real_pairs import PAIRS
+from tabulated import markdown_lines
 from trials import with_changes
 
-from sfkit.analysis.tables import markdown_lines
 from sfkit.bank import VALIDATION
 from sfkit.evaluation.separation import marked
 

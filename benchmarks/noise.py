@@ -25,9 +25,9 @@ from exhaustive import subset_scores, table_path
 from kept import RUNS, Job, KeptRuns
 from landscapes import Landscape
 from stage2_worlds import BANK, Together, bank_pairs, store_in
+from tabulated import markdown_lines
 
 import sfkit
-from sfkit.analysis.tables import markdown_lines
 from sfkit.evaluation import Evaluator
 from sfkit.search.gaussian_process import NOISES, Array, GaussianProcess, distances, fit, matern
 from sfkit.search.surrogate import recipe_features

@@ -25,9 +25,9 @@ import torch
 from processes import answered, call, folder_of, peak_mb, shown
 from real_pairs import data
 from synthetic_pool import pool_file
+from tabulated import markdown_lines
 
 import sfkit
-from sfkit.analysis.tables import markdown_lines
 from sfkit.architectures import architecture
 
 CHECKOUT = "SFKIT_OPENSTEREO"

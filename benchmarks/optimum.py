@@ -27,8 +27,7 @@ from exhaustive import subset_scores
 from kept import RUNS, Job, KeptRuns
 from landscapes import Landscape
 from search import Search, searches
-
-from sfkit.analysis.tables import markdown_lines
+from tabulated import markdown_lines
 
 DOCUMENT = "benchmarks/README.md"
 

@@ -36,9 +36,9 @@ from stage2_worlds import (
     store_in,
     world,
 )
+from tabulated import markdown_lines
 
 import sfkit
-from sfkit.analysis.tables import markdown_lines
 from sfkit.search import BayesianRoutingSearch, BayesianRoutingSettings, RoutingSearch
 from sfkit.search.encoding import Encoding
 

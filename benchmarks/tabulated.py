@@ -7,7 +7,13 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 import pandas as pd
 
-from sfkit.analysis.tables import markdown_lines
+
+def markdown_lines(
+    head: Sequence[str], rows: Iterable[Sequence[object]], right: Sequence[bool] | None = None
+) -> str:
+    """Rows of text as a Markdown table, as they are; ``right`` says which columns stand right."""
+    rule = ["--:" if one else "---" for one in right or [False] * len(head)]
+    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (head, rule, *rows))
 
 
 def numbers(heads: Sequence[str], rows: Iterable[Sequence[object]], texts: int = 1) -> str:

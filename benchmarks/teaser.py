@@ -18,12 +18,12 @@ import pandas as pd
 import torch
 from kept import RUNS
 from processes import answered
+from tabulated import markdown_lines
 
 import sfkit
 from sfkit import bank
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.retraining import JOINT, retraining_against_merging
-from sfkit.analysis.tables import markdown_lines
 from sfkit.bank.plan import BANKS, bank_plan
 from sfkit.bank.sharp import JOINT as OWN_JOINT
 from sfkit.checkpoints.spec import Member

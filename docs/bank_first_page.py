@@ -15,8 +15,11 @@ import pandas as pd
 from bank_pictures import strip, write_picture
 from bank_scores import UNIFORM, BankScores, bank_scores, benchmark_scores, network_recipes
 
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
+from tabulated import markdown_lines
+
 import sfkit.bank as bank
-from sfkit.analysis.tables import markdown_lines
 from sfkit.bank.plan import SLIM
 from sfkit.datasets.synthetic.domains import BASE, domains, worlds
 from sfkit.evaluation import EvaluationStore

@@ -7,6 +7,7 @@ what was before; ``--store`` keeps what is evaluated, so that a second call scor
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,8 +26,11 @@ from bank_pictures import Picture, beside, write_picture
 from bank_scores import UNIFORM, BankScores, bank_scores
 from bank_stability import SUBSETS, rank_stability
 
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
+from tabulated import markdown_lines
+
 import sfkit.bank as bank
-from sfkit.analysis.tables import markdown_lines
 from sfkit.bank.plan import BANK, SHARP
 from sfkit.bank.sharp import BASE, JOINT
 from sfkit.checkpoints.spec import Member, read_pool_spec

@@ -13,7 +13,10 @@ from pathlib import Path
 
 from published_claims import EXPERIMENTS, QUOTES, REMARKS, ROUNDING
 
-from sfkit.analysis.tables import markdown_lines
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+
+from tabulated import markdown_lines
+
 from sfkit.published.tables import (
     BENCHMARKS,
     FOUNDATION_STEREO,

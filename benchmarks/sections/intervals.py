@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from tabulated import markdown_lines
 
 from sfkit.analysis.intervals import RunsOnImages, holm, paired_estimate
-from sfkit.analysis.tables import markdown_lines
 
 IMAGES = (3, 5, 8, 15, 27, 40)
 DRAWS, RESAMPLES = 2000, 300

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -169,14 +169,6 @@ def _latex(table: pd.DataFrame, marks: pd.DataFrame, digits: int, caption: str, 
     above = [r"\begin{table}", r"\centering", rf"\caption{{{_escaped(caption)}}}"]
     above += [rf"\label{{{label}}}"] if label else []
     return "\n".join([*above, text, r"\end{table}"]) + "\n"
-
-
-def markdown_lines(
-    head: Sequence[str], rows: Iterable[Sequence[object]], right: Sequence[bool] | None = None
-) -> str:
-    """Rows of text as a Markdown table, as they are; ``right`` says which columns stand right."""
-    rule = ["--:" if one else "---" for one in right or [False] * len(head)]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (head, rule, *rows))
 
 
 def _names(table: pd.DataFrame) -> list[list[str]]:

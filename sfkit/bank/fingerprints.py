@@ -19,14 +19,12 @@ from sfkit.datasets import Sample
 from sfkit.files import write_text
 
 BLOCKS = (6, 12)
-TOLERANCE = {"left": 1, "right": 1, "disparity": 1, "shares": 2}
-"""Largest difference a machine's rounding may make: grey levels, tenths of a pixel, thousandths."""
 
 Fingerprint = dict[str, list[int]]
 
 
 def fingerprint(sample: Sample) -> Fingerprint:
-    """The coarse content of a pair, whole numbers by key of ``TOLERANCE``; -1 for a block without truth."""
+    """The coarse content of a pair, whole numbers by what they tell of; -1 for a block without truth."""
     known = np.isfinite(sample.disparity)
     visible = known if sample.nonoccluded is None else sample.nonoccluded
     return {
@@ -35,20 +33,6 @@ def fingerprint(sample: Sample) -> Fingerprint:
         "disparity": _block_means(sample.disparity.astype(np.float64), 10.0),
         "shares": [round(1000 * float(known.mean())), round(1000 * float(visible.mean()))],
     }
-
-
-def agree(found: Fingerprint, expected: Fingerprint) -> bool:
-    """Whether two fingerprints are of the same pair, rendered on machines that round differently."""
-    return all(
-        len(found[key]) == len(expected[key])
-        and max(abs(a - b) for a, b in zip(found[key], expected[key], strict=True)) <= allowed
-        for key, allowed in TOLERANCE.items()
-    )
-
-
-def read_fingerprints(path: Path) -> dict[str, Fingerprint]:
-    """Fingerprints by pair id."""
-    return {str(key): value for key, value in json.loads(path.read_text()).items()}
 
 
 def write_fingerprints(path: Path, names: Iterable[str] | None = None, *, of: str = BANK.name) -> None:

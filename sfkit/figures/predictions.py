@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.drawn_points import drawn_points
@@ -16,7 +17,8 @@ from sfkit.errors import InputError
 from sfkit.figures.axes import FAILED_NAME, beyond
 from sfkit.figures.theme import ACCENT, FAILED, LOOKS, WARM, finish, read_theme
 
-BAND = "rgba(43,123,211,0.22)"
+BAND, HONEST = "rgba(43,123,211,0.22)", "rgba(128,128,128,0.18)"
+Array = NDArray[np.float64]
 WITHIN = 1.96
 """Standard deviations to either side that hold 95 of 100 values of a normal distribution."""
 
@@ -41,7 +43,7 @@ def predictions_figure(told: Predictions, *, theme: str = "auto", height: int = 
     drawn = drawn_points(len(told))
     numbers = told.number[drawn].tolist()
     mean, sd = told.mean[drawn], told.sd[drawn]
-    _band(figure, numbers, mean - WITHIN * sd, mean + WITHIN * sd)
+    _band(figure, 1, numbers, mean - WITHIN * sd, mean + WITHIN * sd, "95 % interval", BAND)
     _line(figure, 1, numbers, mean.tolist(), "predicted", {"color": ACCENT, "width": 2}, sd.tolist())
     _measured(figure, told, drawn.tolist())
     bound = told.bound[drawn].tolist()
@@ -90,19 +92,21 @@ def calibration_figure(found: PredictionCalibration, *, theme: str = "auto", hei
     )
 
 
-def _band(figure: go.Figure, numbers: list[int], low: np.ndarray, high: np.ndarray) -> None:
+def _band(
+    figure: go.Figure, col: int, x: Sequence[float], low: Array, high: Array, name: str, colour: str
+) -> None:
     figure.add_scatter(
         # Along the upper edge and back along the lower one: a closed band.
-        x=[*numbers, *reversed(numbers)],
+        x=[*x, *reversed(x)],
         y=[*high.tolist(), *low[::-1].tolist()],
         mode="lines",
         line={"width": 0},
         fill="toself",
-        fillcolor=BAND,
-        name="95 % interval",
+        fillcolor=colour,
+        name=name,
         hoverinfo="skip",
         row=1,
-        col=1,
+        col=col,
     )
 
 
@@ -186,20 +190,8 @@ def _against(figure: go.Figure, found: PredictionCalibration, muted: str) -> Non
 
 def _coverage(figure: go.Figure, found: PredictionCalibration, muted: str) -> None:
     levels = [100.0 * level for level in found.levels]
-    low, high = ([100.0 * end for end in ends] for ends in zip(*found.honest, strict=True))
-    figure.add_scatter(
-        # Closed as the band above is.
-        x=[*levels, *reversed(levels)],
-        y=[*high, *reversed(low)],
-        mode="lines",
-        line={"width": 0},
-        fill="toself",
-        fillcolor="rgba(128,128,128,0.18)",
-        name="where an honest model's would be",
-        hoverinfo="skip",
-        row=1,
-        col=2,
-    )
+    low, high = 100.0 * np.array(found.honest).T
+    _band(figure, 2, levels, low, high, "where an honest model's would be", HONEST)
     for x, y, name, mode, style in (
         ([0.0, 100.0], [0.0, 100.0], "as many as promised", "lines", {"color": muted, "dash": "dash"}),
         (levels, [100.0 * c for c in found.coverage], "inside", "lines+markers", {"color": ACCENT}),

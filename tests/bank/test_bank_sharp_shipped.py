@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from bank_fingerprints import agree, read_fingerprints
 
 import sfkit
 from sfkit import bank
 from sfkit.bank import sharp
 from sfkit.bank.build import pool_toml
-from sfkit.bank.fingerprints import agree, fingerprint, read_fingerprints
+from sfkit.bank.fingerprints import fingerprint
 from sfkit.bank.plan import BANKS, SHARP
 from sfkit.checkpoints.spec import Member
 from sfkit.training.finetune import read_training
