@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -187,22 +186,20 @@ def summary(pool: Pool, found: SearchResult) -> dict[str, Any]:
     origin = {
         key.removeprefix("sfkit."): json.loads(v) for key, v in origin_metadata(pool, found.recipe).items()
     }
+    averaged = {}
+    if found.averaged:  # JSON has neither NaN nor infinity
+        averaged = {"averaged": found.averaged.score if found.averaged.finite else None}
     return {
         "pool": pool.name,
         "score": found.score,
         "stage1": found.stage1.score if found.stage1 else None,
         "stage2": found.stage2.score if found.stage2 else None,
-        **({"averaged": _finite(found.averaged.score)} if found.averaged else {}),
+        **averaged,
         "subset": list(found.recipe.sources),
         "recipe": pool.signed(found.recipe).as_dict(),
         "origin": {key: origin[key] for key in ("architecture", "base", "sources")},
         "merged": found.merged.name,
     }
-
-
-def _finite(score: float) -> float | None:
-    """JSON has neither NaN nor infinity."""
-    return score if math.isfinite(score) else None
 
 
 def cost(

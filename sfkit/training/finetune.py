@@ -160,7 +160,8 @@ def finetune(
         write_checkpoint(
             out, network.state_dict(), layout=start.layout, metadata=metadata, form=form, overwrite=overwrite
         )
-        _drop_states(folder)
+        for state in folder.glob("state-*.pt"):
+            state.unlink()
     return result
 
 
@@ -297,8 +298,3 @@ def _result(out: Path, course: Course, settings: TrainingSettings) -> TrainedSou
         scores={int(step): score for step, score, *_ in course.scores},
         broken=course.broken,
     )
-
-
-def _drop_states(folder: Path) -> None:
-    for path in folder.glob("state-*.pt"):
-        path.unlink()

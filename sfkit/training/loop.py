@@ -162,7 +162,8 @@ class _Run:
             dist.all_reduce(total)
         loss = float(total)
         # Without a limit nothing is clipped, and the norm is told all the same.
-        norm = nn.utils.clip_grad_norm_(self._parameters(), settings.clip or math.inf)
+        moved = [p for group in self.optimiser.param_groups for p in group["params"]]
+        norm = nn.utils.clip_grad_norm_(moved, settings.clip or math.inf)
         if not (math.isfinite(loss) and bool(torch.isfinite(norm))):
             raise SfkitError(
                 f"step {self.course.done + 1}: the loss is {loss} and its gradient's norm {float(norm)}, the "
@@ -186,9 +187,6 @@ class _Run:
             # Gradients of micro batches are exchanged once, with the last of them.
             return self.terms.no_sync()
         return contextlib.nullcontext()
-
-    def _parameters(self) -> list[nn.Parameter]:
-        return [p for group in self.optimiser.param_groups for p in group["params"]]
 
     def _train_mode(self) -> None:
         self.network.train()

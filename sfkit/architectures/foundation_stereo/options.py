@@ -66,7 +66,7 @@ def options_from_config(path: str | Path) -> dict[str, Any]:
         InputError: the file cannot be read, is no YAML mapping, holds a value out of range, or
             describes another network (other hidden widths, levels or radius).
     """
-    config = _mapping(Path(path))
+    config = read_yaml(Path(path), "give the cfg.yaml that lies beside the checkpoint")
     for key, built_with in _FIXED.items():
         if key in config and config[key] != built_with:
             raise InputError(
@@ -83,10 +83,6 @@ def options_from_config(path: str | Path) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return options
-
-
-def _mapping(path: Path) -> dict[str, Any]:
-    return read_yaml(path, "give the cfg.yaml that lies beside the checkpoint")
 
 
 def _check_name(key: str, value: object, allowed: Mapping[str, Any] | list[str]) -> None:

@@ -58,7 +58,7 @@ class AutoEngine:
         """As the engine that it picks for them; once workers have started they stay."""
         if self.picked is self._inline and self._least is not None and len(recipes) >= self._least:
             self._inline.close()
-            self.picked = self._parallel()
+            self.picked = process_engine(self._pool, self._benchmark, self._compute)
         yield from self.picked.run(recipes)
 
     def describe(self) -> str:
@@ -86,6 +86,3 @@ class AutoEngine:
         if asked:
             return 1, f"{workers} workers were asked for: they start with the first recipe"
         return FEW * workers, f"{workers} GPUs: their workers start with the first {FEW * workers} recipes"
-
-    def _parallel(self) -> ParallelEngine:
-        return process_engine(self._pool, self._benchmark, self._compute)
