@@ -81,6 +81,7 @@ class ComparedNetwork:
         guided, unseen = self.guided_difference, self.unseen_difference
         if guided is None or unseen is None:
             return False
+        # Not "not within_noise": None, where nothing tells, is no gain either.
         return guided.value < 0.0 and guided.within_noise is False and unseen.value >= 0.0
 
     @property

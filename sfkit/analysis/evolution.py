@@ -113,6 +113,7 @@ def summarise(
         metric=metric,
         # Survivors keep the best of all (elitism): the best of a population is the best so far.
         best=tuple(min(one.score for one in group) for group in people),
+        # The median stands for an infinite score too, which would carry a mean away.
         median=tuple(statistics.median([one.score for one in group]) for group in people),
         share=tuple(_share(group, sources) for group in people),
         generation=chosen,

@@ -138,6 +138,7 @@ class Experiment:
         found: dict[str, tuple[Measured, ...]] = {}
         # Prepared task vectors make a pool of their own, whose recipes are scored together.
         for owner in dict.fromkeys(own for own, _ in networks.values()):
+            # By identity, as above: pools do not compare by content.
             recipes = {name: recipe for name, (own, recipe) in networks.items() if own is owner}
             made = measure_with([one.with_pool(owner) for one in scorers], recipes, validation=guided)
             found |= dict.fromkeys(recipes, made)

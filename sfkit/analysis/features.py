@@ -95,6 +95,7 @@ class BlockOutputs:
             for number, tensor in enumerate(_tensors(output)):
                 last = tensor.movedim(1, -1) if self._channels_first(tensor) else tensor
                 channels = last.shape[-1]
+                # In double precision: sums over a map of many positions lose small channels otherwise.
                 rows = last.reshape(-1, channels).double().cpu().numpy()
                 moments = rows.mean(axis=0), np.square(rows).mean(axis=0)
                 self._seen.setdefault((name, number, channels), []).append(moments)
@@ -104,6 +105,7 @@ class BlockOutputs:
     def _channels_first(self, tensor: torch.Tensor) -> bool:
         if tensor.ndim != 4 or self._size is None:
             return tensor.ndim == 4
+        # By logarithms: twice too wide is as far off as twice too high.
         wanted = math.log(self._size[0] / self._size[1])
         first, last = (abs(math.log(tensor.shape[n] / tensor.shape[n + 1]) - wanted) for n in (2, 1))
         return first <= last

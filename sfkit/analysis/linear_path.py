@@ -67,6 +67,7 @@ class LinearPaths:
             for path in self.paths
             if path.start == "base"
             and path.scores[2] > HARM * path.scores[0]
+            # A source that is bad by itself may still help a mixture.
             and path.scores[1] > path.scores[0]
         )
 

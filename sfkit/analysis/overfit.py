@@ -119,6 +119,7 @@ def _interval(
         images = [(fold, image) for fold, split in enumerate(evaluator.splits) for image in sorted(split)]
         if len(images) < 2:
             return None
+        # A view of its own: looking these up again adds to nobody's counts.
         reader, rule = evaluator.with_store(evaluator.store), evaluator.benchmark.rule
         found = [rule.terms(one.images, evaluator.metric) for one in reader.evaluate([zero, *leads])]
         below = np.array([found[0][1][image] for _, image in images])

@@ -179,6 +179,7 @@ def _told(
             told = float(expected), float(entry["predicted_sd"]), float(entry["acquisition"])
             rows.append((entry["candidate"], *told, score, best))
         if kind != SubsetSearch.kind:
+            # Stage 2 is led by the score with its penalties.
             score = journalled_score(entry, "penalised")
         elif len(entry["subset"]) < SMALLEST:  # a source alone teaches the model and wins nothing
             continue

@@ -92,6 +92,7 @@ class SearchVerdict:
             rows.append((row.network, _shown(row.guided), _shown(row.unseen), against))
         first, guided, unseen = (max(len(row[column]) for row in rows) for column in range(3))
         last = max(MIN_WIDTH, *(len(row[3]) for row in rows[1:]))
+        # The names give way: numbers that are cut would be wrong numbers.
         first = min(first, max(MIN_WIDTH, WIDTH - guided - unseen - last - 8))
         table = [
             f"  {_cut(one, first):<{first}}  {two:>{guided}}  {three:>{unseen}}  {_cut(four, last)}".rstrip()
@@ -152,6 +153,7 @@ def search_verdict(
     shown = [
         replace(one, images={label: one.images[name] for name, label in labels.items()}) for one in measured
     ]
+    # The base is there to be compared with; deployed it is no result of a merge.
     rivals = {label: recipes[name] for name, label in labels.items() if name != BASE}
     comparison = compare_networks(shown, labels[single])
     found = verdict(

@@ -127,6 +127,7 @@ class Study:
         """
         if self.result.pool is self.experiment.pool:
             return self.chosen
+        # By identity: a prepared pool has the same name and other task vectors.
         own = [name for name, one in self.runs.items() if one.pool is self.experiment.pool and not one.oracle]
         return min(own, key=lambda name: self.runs[name].score)
 

@@ -25,6 +25,7 @@ def summary(study: Study) -> tuple[str, ...]:
 def _deploy(study: Study) -> Iterator[str]:
     first, *rest = study.verdict.reason
     yield f"**{first}**"
+    # A verdict that overrules validation says why in its second sentence, before what the network is.
     if study.chosen != study.verdict.preferred or not first.startswith("Deploy"):
         yield " ".join(rest[:1])
         rest = rest[1:]

@@ -280,6 +280,7 @@ def _trust_of(
 def _kept_back(guides: Sequence[Evaluator], further: Sequence[Evaluator], found: Recipe) -> KeptBack | None:
     """None without further pairs, or where a network failed on some."""
     changes = []
+    # Both networks on both sets of pairs: what a search gained may be those that guided it.
     for scorers in (guides, further):
         before, after = [], []
         for one in scorers:

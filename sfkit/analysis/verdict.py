@@ -52,6 +52,7 @@ def simplicity(recipe: Recipe) -> tuple[int, int]:
         return 0, 0
     plain = recipe.tied and all(scale == 1.0 for scale in recipe.scales) and not recipe.preparation
     weights = {recipe.weights[0][e] for e in used}
+    # With tolerance: equal weights that went through a sum or a file differ in their last digit.
     equal = plain and max(weights) - min(weights) < 1e-12 and math.isclose(max(weights) * len(used), 1.0)
     return (1 if equal and len(used) == 1 else 2 if equal else 3), len(used)
 
@@ -143,6 +144,7 @@ def _choice(
     averaged: str | None,
 ) -> tuple[str, str | None, str]:
     """What scores lowest, the averaged winner if there is one, and which of the two validation prefers."""
+    # Of equal scores the simpler network.
     lowest = min(able, key=lambda name: (able[name], rungs[name]))
     average = averaged if averaged in able else None
     if average is None or shown_worse(validation, average, lowest):
@@ -192,6 +194,7 @@ def _compare(
     seen = [estimate_between(tests, preferred, name) for name in simpler]
     enough = bool(tests) and min(len(one.ids) for one in tests) >= FEWEST_IMAGES
     alone = [*(one.p if one is not None and enough else math.nan for one in seen), *beside]
+    # What is claimed beside the verdict on the same tests belongs to its family.
     p_values = holm(alone)[: len(seen)]
     compared = tuple(
         Against(name, estimate_between(validation, preferred, name), test, p)

@@ -92,6 +92,7 @@ class RoutingWorkbench:
         )
         self._check_trace()
         self.shared: Mapping[str, tuple[str, ...]] = pairs_in_common([evaluator.benchmark], self._tested_on)
+        # Where every trial failed there is no best, and equal weights are a beginning.
         if recipe is None and self.trace is not None and self.trace.best >= 0:
             recipe = self.trial(self.trace.best)
         self.history = EditHistory(self._equal)

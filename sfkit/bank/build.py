@@ -102,6 +102,7 @@ def _make(at: _Builder, name: str, plan: Training) -> None:
         network.load_state_dict(load_file(at.file(name)))
         own["source"] = errors(network, pairs, at.of)
     write_text(at.record_file(name), json.dumps({**made, "own_domain": own}, indent=2) + "\n")
+    # Once the record is written: a training that is stopped goes on with the pairs it has rendered.
     shutil.rmtree(pairs_of(_state_file(at, name)), ignore_errors=True)
 
 

@@ -79,6 +79,7 @@ def train(
             if progress is not None:
                 progress(f"{domain.name}: loss {np.mean(losses[-50:]):.3f}", step, plan.steps)
     weights = {
+        # Contiguous: safetensors refuses views and channels-last tensors.
         key: value.detach().clone(memory_format=torch.contiguous_format)
         for key, value in network.state_dict().items()
     }
@@ -111,6 +112,7 @@ def training_pairs(
 
 def _pair(domain: Domain, index: int, folder: Path) -> SyntheticPair:
     """One pair, as it was kept or rendered; one that is missing, torn or of another world is rendered."""
+    # In its name: a pair of another world or seed is never taken for this one.
     made_from = hashlib.sha256(repr((SEED, index, domain)).encode()).hexdigest()[:16]
     path, names = folder / f"{index:04d}-{made_from}.npz", [field.name for field in fields(SyntheticPair)]
     pair = recall(path, lambda held: SyntheticPair(**{name: held[name] for name in names}))

@@ -76,6 +76,7 @@ def lambda_grid(lambdas: Sequence[float], sources: int) -> tuple[float, ...]:
     for value in lambdas:
         if not (math.isfinite(value) and value > 0):
             raise InputError(f"lambdas: found {value}, expected finite numbers above 0")
+    # A set: a grid that names 1/E already has it once.
     return tuple(sorted({*map(float, lambdas), 1.0 / sources}))
 
 

@@ -169,6 +169,7 @@ def baseline(
 
     def decorate(function: Callable[Concatenate[Trials, P], Choice]) -> Baseline[P]:
         entry = Baseline(name, label, paper, tuned_on_validation, oracle, on_request, function)
+        # In the place of one of that name: a cell that is run again replaces its method.
         _REGISTRY[name] = entry
         return entry
 

@@ -97,6 +97,7 @@ class Trials:
         return pd.DataFrame(self._rows)
 
     def _count(self, outcome: Outcome) -> None:
+        # By key: a recipe that a method asks for twice cost it one evaluation.
         if outcome.key not in self._scored:
             self._scored[outcome.key] = outcome
             self.seconds += outcome.seconds

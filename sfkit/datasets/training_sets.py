@@ -200,6 +200,7 @@ def find_source_pairs(manifest: SourceManifest, root: Path) -> FoundSource:
         texts = (layout.image, layout.right, layout.disparity, *layout.invalid)
         files = [inside(root, place + text.format(**groups) if text else relative) for text in texts]
         lacking = [p.relative_to(root).as_posix() for p in files if not p.is_file()]
+        # Public sets are often downloaded in part: what lacks a file is left out, and told.
         if lacking:
             incomplete[name] = tuple(lacking)
             continue

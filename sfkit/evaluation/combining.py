@@ -68,6 +68,7 @@ class Changes:
             InputError: the uniform merge failed, or scores alike on all images of a benchmark.
         """
         with self._lock:
+            # Two threads may ask for the first score at once; the uniform merge runs once.
             if not self._made:
                 self._made = tuple(_yardstick(evaluator) for evaluator in self._evaluators)
         return self._made
@@ -125,6 +126,7 @@ class CombinedScorer:
 
     def __call__(self, recipes: Sequence[Recipe]) -> list[Outcome]:
         """One outcome a recipe: failed where any benchmark failed or said NaN, cached where all were."""
+        # Benchmark by benchmark, not recipe by recipe: an engine shares all of them out among its workers.
         table = [evaluator(recipes) for evaluator in self.evaluators]
         return [self._combine([row[n] for row in table]) for n in range(len(recipes))]
 
@@ -145,6 +147,7 @@ class CombinedScorer:
     def _combine(self, outcomes: Sequence[Outcome]) -> Outcome:
         scores = [outcome.score for outcome in outcomes]
         return Outcome(
+            # NaN is a failure here; combined() would take it for a benchmark without images in a split.
             math.nan if any(map(math.isnan, scores)) else self.combined(scores),
             math.fsum(outcome.seconds for outcome in outcomes),
             all(outcome.cached for outcome in outcomes),

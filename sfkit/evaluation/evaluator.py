@@ -143,6 +143,7 @@ class Evaluator:
             splits: of each split, the numbers of the images held out, from 0 in the benchmark's order.
         """
         other = copy.copy(self)
+        # The copy is shallow on purpose: engine, store and counts stay one.
         other.splits = tuple(frozenset(split) for split in splits)
         return other
 
@@ -205,9 +206,11 @@ class Evaluator:
         numbers, total = list(missing.values()), len(known) + len(missing)
         if progress is not None:
             progress(len(known), total)
+        # Taken after the store was asked: what it has is told while another thread computes.
         with self._runner.busy:
             for position, result in self.engine.run([recipes[n] for n in numbers]) if numbers else ():
                 key = keys[numbers[position]]
+                # Stored before anybody is told: a search that is killed now finds it again.
                 known[key] = self._record(key, descriptions[numbers[position]], result)
                 if progress is not None:
                     progress(len(known), total)
@@ -242,6 +245,7 @@ class Evaluator:
     def _elsewhere(self, pool: Pool, store: EvaluationStore) -> Evaluator:
         other = copy.copy(self)
         other.pool, other.store, other.counts = pool, store, EvaluatorCounts()
+        # An engine's workers hold the networks of one pool.
         other._runner = Runner(pool, self.prepared, self.compute)
         return other
 

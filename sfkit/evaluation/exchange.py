@@ -132,6 +132,7 @@ def _check_counts(image: ImageErrors, place: str) -> None:
         )
     for name, errors in image.regions.items():
         counts = (*errors.above, errors.d1)
+        # Written so that NaN fails: no comparison with it holds.
         possible = errors.sum_abs >= 0 and all(0 <= count <= errors.pixels for count in counts)
         if not possible or image.nonfinite < 0 or errors.pixels < 0:
             raise InputError(

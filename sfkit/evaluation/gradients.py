@@ -60,6 +60,7 @@ class GradientModel:
         """
         pair, name = self.benchmark.pair(number), self.benchmark.benchmark.ids[number]
         for parameter in self._parameters.values():
+            # Not zeroed but taken away: else backward() would add to the pair before.
             parameter.grad = None
         device = self._live.device
         placed = PreparedPair(pair.left.to(device), pair.right.to(device), pair.window)
@@ -108,6 +109,7 @@ def disparity_loss(network: torch.nn.Module, pair: PreparedPair, truth: torch.Te
     output = network(pair.left, pair.right)
     found = pair.window.crop(output.reshape(output.shape[-2:]))
     valid = torch.isfinite(truth)
+    # By index: NaN times a mask of 0 is NaN, in the gradient too.
     return F.smooth_l1_loss(found[valid], truth[valid])
 
 

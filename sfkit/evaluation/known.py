@@ -58,6 +58,7 @@ def known_evaluations(pool: Pool, scorer: Scorer, search: Mapping[str, Any]) -> 
         "sources": pool.identity,
         "partition": pool.partition.fingerprint(),
     }
+    # In content: a search in another folder, under another name, is the same one.
     name = text_digest(json.dumps(identity, sort_keys=True))
     tables = [_known(pool, evaluator, _began(evaluator.store, name)) for evaluator in evaluators]
     shared = [key for key in tables[0] if all(key in table for table in tables)]
@@ -75,6 +76,7 @@ def known_evaluations(pool: Pool, scorer: Scorer, search: Mapping[str, Any]) -> 
 
 def _began(store: EvaluationStore, name: str) -> int:
     """How many evaluations the store had when the search first began."""
+    # A second mark changes nothing: what is read back is how it was at first.
     store.mark(name, _BEGAN, str(store.last))
     return int(dict(store.marks(_BEGAN))[name])
 
@@ -118,9 +120,11 @@ def _recipe(pool: Pool, canonical: Any) -> Recipe | None:
     if canonical.get("partition", pool.partition.fingerprint()) != pool.partition.fingerprint():
         return None
     blocks = pool.blocks
+    # Without scales it is a merge that treats all blocks alike (Recipe.canonical).
     routed = "scales" in canonical
     rows = canonical["weights"] if routed else [canonical["weights"]] * len(blocks)
     scales = canonical["scales"] if routed else [1.0] * len(blocks)
+    # A key has its sources by fingerprint, a recipe in the pool's order.
     order = sorted(range(len(sources)), key=lambda e: pool.names.index(names[sources[e]]))
     return Recipe(
         tuple(names[sources[e]] for e in order),

@@ -53,6 +53,7 @@ class PreparedBenchmark:
         total = sum(8 * 3 * sample.left.shape[0] * sample.left.shape[1] for sample in self.samples)
         self._keep = total <= KEEP_BYTES
         self._kept: dict[int, PreparedPair] = {}
+        # 24 bytes of input a pixel: this is the number of pixels.
         self._keep_regions = total // 24 * REGION_BYTES <= KEEP_BYTES
         self._regions: dict[int, Regions] = {}
         self._counts: dict[tuple[int, str], tuple[tuple[Metric, Count], ...]] = {}

@@ -48,6 +48,7 @@ def rescue(path: Path, target: EvaluationStore) -> Rescued:
         place = Path(scratch) / "store.sqlite"
         for file, name in zip((path, *companions(path)), (place, *companions(place)), strict=True):
             if file.exists():
+                # A copy: opening the file itself would write its log into it.
                 shutil.copyfile(file, name)
         for number, evaluation in _rows(path, place):
             if evaluation is None:
@@ -66,6 +67,7 @@ def _rows(path: Path, place: Path) -> Iterator[tuple[int, Evaluation | None]]:
     with closing(sqlite3.connect(place)) as db:
         last = _last(db, path, place.stat().st_size)
         named, all_named = _named(db)
+        # One by one: a scan of the table would end at the first page that is lost.
         for number in range(1, last + 1):
             there = number in named
             try:
@@ -103,6 +105,7 @@ def _last(db: sqlite3.Connection, path: Path, size: int) -> int:
     for query in ("SELECT seq FROM sqlite_sequence", "SELECT MAX(number) FROM evaluations"):
         with contextlib.suppress(*DAMAGE):
             found = db.execute(query).fetchone() if "evaluations" in tables else None
+            # No more rows than bytes: a garbled counter would have this look for years.
             if found is not None and isinstance(found[0], int) and 0 < found[0] <= size:
                 return found[0]
     raise DamagedStoreError(f"{path}: is damaged where it says what is in it, restore it from a copy")

@@ -115,6 +115,7 @@ class EvaluationStore:
             )
         if cursor.rowcount == 1:
             return replace(evaluation, cached=True)
+        # No row was written: somebody else was first, and that score is the truth.
         held = self.get(evaluation.key)
         if held is None:
             raise StoreError(f"{self.path}: the evaluation just written cannot be read back, check the disk")

@@ -44,6 +44,7 @@ def fusion_figure(table: pd.DataFrame, *, theme: str = "auto", height: int | Non
         type="category",
         tickson="boundaries",  # lines between names, not through them
         categoryarray=fineness,
+        # Half a cell beyond the ends: text by itself takes no room in plotly's ranges.
         range=[-0.5, len(fineness) - 0.5],
     )
     figure.update_yaxes(

@@ -81,4 +81,5 @@ def _frame(figure: go.Figure, size: tuple[int, int], row: int, column: int) -> N
     """Bare axes in pixels of the pair, stretched to the cell, as the paper's figure does."""
     figure.update_xaxes(range=[0, size[1]], row=row, col=column, **BARE)
     figure.update_yaxes(range=[size[0], 0], row=row, col=column, **BARE)
+    # plotly draws no axes where there is no trace.
     figure.add_scatter(x=[None], y=[None], hoverinfo="skip", row=row, col=column)

@@ -21,6 +21,7 @@ from sfkit.analysis.run_overview import (
 
 WIDTH, HEIGHT, LEFT, BOTTOM = 420, 170, 54, 24
 NAMES = 90  # below parallel axes: their names stand upright, for side by side they would overlap
+# The page runs its own script alone and fetches nothing.
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 
 

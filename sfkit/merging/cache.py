@@ -98,6 +98,7 @@ class VectorCache:
         if values.get("looks") != looks:
             if "digest" not in values or values["digest"] != _checksum(target):
                 return None
+            # Copied or touched, but the same bytes: the new look is kept, so that they are read once.
             _write(place, {**values, "looks": looks})
         record = VectorRecord(values["cosine"], values["distance"], values["source"])
         os.utime(place)  # used now: trimming spares it
@@ -113,6 +114,7 @@ class VectorCache:
         target = self._vector(key, ".f32")
         with writing(target, durable=False) as fresh:
             ensure_room(target.parent, elements * 4)
+            # Sparse: pages take up disk once they are written.
             os.truncate(fresh, elements * 4)
             yield map_file(fresh, elements)
 

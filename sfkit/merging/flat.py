@@ -56,6 +56,7 @@ class FlatLayout:
             entries.append((spec, offset))
             last = segments[-1] if segments else None
             start = last.start if last and (last.block, last.kind) == (block, spec.kind) else offset
+            # The segment goes on: it is put back longer.
             if last and start == last.start:
                 segments.pop()
             offset += spec.size

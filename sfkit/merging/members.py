@@ -259,6 +259,7 @@ def _subtract(
     sums, offset = KinshipSums(), 0
     for spec in changed:
         ours, theirs = file.tensors[spec.key], base.tensors[spec.key]
+        # In float32 whatever the files hold: a difference of halves would keep few of its digits.
         torch.sub(ours.float(), theirs.float(), out=out[offset : offset + spec.size].view(spec.shape))
         offset += spec.size
         if spec.kind is Kind.WEIGHT:

@@ -347,6 +347,7 @@ def _as_precise(key: str, merged: torch.Tensor, dtype: torch.dtype) -> torch.Ten
             f"recipe: {key!r} has merged values beyond what {name} holds, expected finite ones: "
             "choose another dtype or smaller weights"
         )
+    # There and back: only a type that holds every merged value is taken.
     cast = merged.to(dtype)
     return cast if torch.equal(cast.to(merged.dtype), merged) else merged
 

@@ -131,6 +131,7 @@ def _fused(sources: Sequence[_Source], step: Fused, pool: Pool, given: Importanc
         raise InputError(f"{step.kind}: the name {step.name!r} is taken by a source, give the step another")
     # Not strict: without weights there are names alone.
     weights = dict(zip(step.sources, step.weights, strict=False)) if isinstance(step, Elect) else {}
+    # Sums of floats depend on their order: by content, whatever names and pool.toml say.
     ordered = sorted(chosen, key=lambda source: source.row.fingerprint)
     rows = [source.row for source in ordered]
     own = [weights[source.origins[0].name] for source in ordered] if weights else []
@@ -146,6 +147,7 @@ def _fused(sources: Sequence[_Source], step: Fused, pool: Pool, given: Importanc
         pool.base.layout,
         kinship=ITSELF,
     )
+    # Made when it is first read: a vector that the cache has is never computed.
     ready: list[torch.Tensor] = []
 
     def read(piece: Piece) -> torch.Tensor:

@@ -153,6 +153,7 @@ class Search(ABC, Generic[C]):
         """Step until the search is done or :meth:`request_stop` was called; iterate again to go on."""
         while not self.done:
             if self._stop.is_set():
+                # Cleared where it is obeyed: a request made before the run began ends it too.
                 self._stop.clear()
                 self._write("end", reason=STOP_REQUESTED)
                 return

@@ -250,6 +250,7 @@ class BayesianRoutingSearch(RoutingSearch):
         scores = np.array([*(c.score for c in own), *(self.known[n].score for n in others)])
         if len(scores) < 2 or not np.isfinite(scores).any():
             return None
+        # Of the new ones alone: no candidate is ever taken back, so that features of those before stay.
         more = recipe_features((c.recipe for c in own[len(self._own[0]) :]), self._names, self.blocks)
         self._own = tuple(np.concatenate(groups) for groups in zip(self._own, more, strict=True))
         seen = tuple(group[others] for group in self._seen)
@@ -259,6 +260,7 @@ class BayesianRoutingSearch(RoutingSearch):
         """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""
         encoding, count = self.encoding, len(self.sources)
         logits = encoding.logits(draws)
+        # As softmax does it for one recipe: the largest power is 1, so that none overflows.
         powers = np.exp(logits - logits.max(axis=2, keepdims=True))
         rows = np.zeros((len(draws), len(self.blocks), len(self._names)))
         scales = np.ones((len(draws), len(self.blocks)))
@@ -273,6 +275,7 @@ class BayesianRoutingSearch(RoutingSearch):
 
     def _penalties(self, draws: Array) -> Array:
         """What F(x) adds to the score of each vector (eq. 13, and the shrinkage)."""
+        # Spares decoding hundreds of draws where nothing would be added.
         if self.settings.entropy == 0 and self.settings.shrinkage == 0:
             return np.zeros(len(draws))
         zero = self._state.candidates[0].outcome

@@ -145,6 +145,7 @@ class BayesianSubsetSearch(SubsetSearch):
             require_known("known", entry.recipe.sources, self.sources, "source")
             require_known("known", self.blocks, entry.recipe.blocks, "block")
         alone = {self.recipe((gene,)) for gene in self._alone}
+        # Those that become candidates are left out: the model would count them twice.
         self._others = tuple(
             entry
             for entry in self.known
@@ -284,6 +285,7 @@ class BayesianSubsetSearch(SubsetSearch):
         genes = tuple(sorted(self.sources.index(name) for name in subset_of(recipe)))
         if not self.space.holds(genes):
             return None
+        # By features, which know neither the order of sources nor those that weigh nothing.
         pair = recipe_features([self.recipe(genes), recipe], self.sources, self.blocks)
         return genes if all(np.array_equal(group[0], group[1]) for group in pair) else None
 

@@ -54,6 +54,7 @@ class InterruptibleEvaluator:
             reported = True
             self.monitor.report(done, total)
 
+        # Asked again after a hold: what was computed before it comes out of the store.
         while True:
             try:
                 found = self.evaluator.evaluate(recipes, progress=report)
@@ -78,6 +79,7 @@ class _Part:
         self._monitor, self._number, self._count = monitor, number, count
 
     def report(self, done: int, total: int) -> None:
+        # Benchmarks come one after the other: of two, half is done when the first one is.
         self._monitor.report((self._number * total + done) // self._count, total)
 
     def hold(self) -> None:

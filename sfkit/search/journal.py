@@ -110,6 +110,7 @@ def last_run(records: Iterable[Record], search: str | None = None) -> tuple[Reco
     for record in records:
         if search is not None and record.get("search", search) != search:
             continue
+        # A run that was killed and begun again proposes the same candidates: only the last one counts.
         if record.get("event") == "start":
             run = []
         run.append(record)

@@ -135,6 +135,7 @@ def _search(
     if subset is None:
         stage1 = plan.subset_search(pool.names, pool.blocks, scorer, journal, known)
         first = stage1.run(None if progress is None else lambda g: progress("Stage 1", g))
+        # At once: Stage 2 may take hours, and may be killed.
         write_text(folder / "stage1.csv", stage1.history.to_csv(index=False))
         subset = first.subset
         searches.append(stage1)
@@ -170,6 +171,7 @@ def _search(
             spent[AVERAGED] = max(spent.values()) + (len(averaged.wins) > 1)  # one alone was scored before
     write_text(folder / "recipe.json", pool.bound(recipe).to_json())
     merged = save_merged(pool, recipe, folder / "merged.safetensors", overwrite=True)
+    # Before result.json: where that lies, the network beside it gives the score it names.
     ensure_as_scored(pool, recipe, scorer, merged)
     found = SearchResult(recipe, score, first, second, merged, folder, stage2, stages, spent, averaged)
     write_result(pool, found, {} if judge is None else judge(found))

@@ -91,6 +91,7 @@ class SearchPlan:
         first = 0
         if self.subset is None and len(names) > 1:
             space = self.constraints.space(tuple(names), tuple(blocks))
+            # A subset met again is not scored again: a small space bounds the count.
             first = min(self.stage1.proposals(space), space.subsets + self.stage1.alone(space))
         second = self.stage2.evaluations if self.stage2 is not None else 0
         return first + second + bool(self.resamples)
@@ -123,6 +124,7 @@ class SearchPlan:
             # As many proposals in all, however many come at a time.
             stage1 = BayesianSubsetSettings(seed=seed, generations=-(-_PROPOSED // batch), batch=batch)
         if second is not None:
+            # What is searched stays as it was asked for; sizes are the other method's own.
             kept = {name: getattr(second, name) for name in _SHARED}
             stage2 = RoutingSettings(**kept, holdout=second.holdout)
             if method == "bayesian":

@@ -164,6 +164,7 @@ def count(candidates: Sequence[Candidate]) -> Counts:
     """Count evaluations over all candidates of a search."""
     distinct = [candidate for candidate in candidates if not candidate.repeated]
     cached = [candidate for candidate in distinct if candidate.outcome.cached]
+    # Exact sums: the same in whatever order engines answered.
     total = math.fsum(candidate.outcome.seconds for candidate in distinct)
     saved = math.fsum(candidate.outcome.seconds for candidate in cached)
     return Counts(

@@ -160,6 +160,7 @@ class RoutingSearch(Search[RoutingCandidate]):
             left -= self.folds > 1  # the last one is the average's
         fresh = self._scored(vectors[:left], origins[:left], recipes[:left], cma.distribution, generation)
         candidates = (*state.candidates, *fresh)
+        # A population that the budget cut is not told: CMA-ES wants a value for each vector it gave.
         if origins[0] == "sample" and len(fresh) == len(vectors):
             cma.tell(_values(fresh, candidates))
         # Values made up for failures can look like convergence, which must not end the run.
@@ -212,6 +213,7 @@ class RoutingSearch(Search[RoutingCandidate]):
         for generation in range(1, state.generation + 1):
             told = [candidate for candidate in state.candidates if candidate.generation == generation]
             cma = cmas[self._turn(generation)]
+            # Asked though the answer is known: the draws move the optimiser on as they did then.
             cma.ask()
             if len(told) == self.population:  # one that the budget cut was never told
                 cma.tell(_values(told, state.candidates[: told[-1].number + 1]))
@@ -274,5 +276,6 @@ class RoutingSearch(Search[RoutingCandidate]):
 
 
 def _values(told: Sequence[RoutingCandidate], so_far: Sequence[RoutingCandidate]) -> list[float]:
+    # Of the whole search: a population that failed altogether still gets values in the range of the scores.
     worst = max((c.fitness for c in so_far if math.isfinite(c.fitness)), default=0.0)
     return finite_fitness([candidate.fitness for candidate in told], worst)

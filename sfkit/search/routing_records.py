@@ -94,6 +94,7 @@ class RoutingSettings:
 
     def __post_init__(self) -> None:
         settle(self)
+        # Of two fields at once, which the check of one cannot see.
         check_rank(self.rank, self.tied)
 
 

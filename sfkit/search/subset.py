@@ -137,6 +137,7 @@ class SubsetSearch(Search[SubsetCandidate]):
         if generation == 0:
             population = tuple(candidate.number for candidate in offspring)
         else:
+            # Parents compete with their offspring: a good one is not lost to a worse generation.
             pool = self._ranked((*_members(state), *offspring))
             population = tuple(number for _, number in survivors(pool, settings, rng))
         self._state = SubsetState(

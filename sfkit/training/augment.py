@@ -59,6 +59,7 @@ def _window(
                 f"{sample.id}: found {found[1]}x{found[0]} pixels and crops of {crop}, expected at least "
                 f"{multiple} each way: the network works on multiples of it"
             )
+        # Drawn where there is no choice, too: what follows must not hang on the image's size.
         start = int(rng.integers(size - length + 1))
         slices.append(slice(start, start + length))
     return slices[0], slices[1]
@@ -98,6 +99,7 @@ def _towards(
 
 
 def _turn(pixels: NDArray[np.float32], share: float) -> NDArray[np.float32]:
+    # OpenCV takes floats from 0 to 1 and gives hues of 0 to 360; whole bytes would round each turn.
     hsv = cv2.cvtColor(pixels / 255.0, cv2.COLOR_RGB2HSV)
     hsv[..., 0] = np.mod(hsv[..., 0] + 360.0 * share, 360.0)
     return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB) * 255.0, dtype=np.float32)

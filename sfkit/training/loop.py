@@ -108,6 +108,7 @@ class _Run:
         self.task, self.listen, self.score = task, listen, score
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
         settings = task.settings
+        # Unequal shares would weigh pairs by the process that happens to read them.
         if settings.batch % self.world:
             raise InputError(f"batch is {settings.batch}, expected a multiple of the {self.world} processes")
         self.network = task.network.to(task.device)
@@ -230,6 +231,7 @@ class _Run:
             }
             save_state(self.task.folder, course.done, self.task.identity, values)
         if self.world > 1:
+            # Nobody goes on before the state is there: a kill now would leave processes at two steps.
             dist.barrier()
 
     def _resume(self) -> None:
@@ -238,6 +240,7 @@ class _Run:
             return
         self.network.load_state_dict(state["network"])
         self.optimiser.load_state_dict(state["optimiser"])
+        # How many steps there are is the task's; the state says how far it came.
         self.course = Course(self.course.steps, int(state["step"]), **state["course"])
 
 

@@ -151,4 +151,5 @@ class FoundationStereoObjective:
 
 def _quarter(truth: torch.Tensor) -> torch.Tensor:
     """(B, H, W) px -> (B, H/4, W/4) in pixels of the quarter; nothing is averaged across edges or unknown."""
+    # Read, not averaged: the mean of a near and a far pixel is a depth that neither has.
     return truth[..., ::QUARTER, ::QUARTER] / QUARTER

@@ -34,6 +34,7 @@ def last_state(folder: Path, identity: str) -> dict[str, Any] | None:
         InputError: the state is that of another training, or none of those there can be read.
     """
     states = _states(folder)
+    # The newest that can be read: the last write may be the one that was torn.
     for path in reversed(states):
         try:
             state = torch.load(path, map_location="cpu", weights_only=True)

@@ -57,6 +57,7 @@ class AutoEngine:
     def run(self, recipes: Sequence[Recipe]) -> Iterator[tuple[int, Result]]:
         """As the engine that it picks for them; once workers have started they stay."""
         if self.picked is self._inline and self._least is not None and len(recipes) >= self._least:
+            # First: its network and those of the workers need not fit into memory together.
             self._inline.close()
             self.picked = process_engine(self._pool, self._benchmark, self._compute)
         yield from self.picked.run(recipes)

@@ -127,6 +127,7 @@ class Crew(ABC, Generic[S]):
         """Replace a dead worker; a seat on which none gets ready is given up."""
         self._dismiss(seat)
         task, seat.task = seat.task, None
+        # One that was ready died over its task, which the board counts, not over its seat.
         seat.failures = 0 if seat.ready else seat.failures + 1
         if seat.failures < TRIES:
             self._occupy(seat)
@@ -234,6 +235,7 @@ class ParallelEngine:
                     break
                 crew.give(seat, Task(call, part, recipes[part.number]))
             for event in crew.events():
+                # Of a call that was given up: its answers were on their way.
                 if event.task.call != call:
                     continue
                 if isinstance(event, Finished):

@@ -55,6 +55,7 @@ class ProcessCrew(Crew[ProcessSeat]):
         super().__init__(start_seconds)
         self.plan = plan
         self._folder = Path.cwd()
+        # Pickled once: a plan with pairs in memory is large, and every replacement gets the same bytes.
         self._orders = {device: self._pickled(device) for device in devices}
         self._taken: list[ProcessSeat] = []
         # On a GPU memory stays taken, and a lost device stays lost, for as long as the process lives.
@@ -77,10 +78,13 @@ class ProcessCrew(Crew[ProcessSeat]):
 
     def events(self) -> Iterator[Finished | Death]:
         """Wait until something happens: an answer, an end, a worker that is ready, or one that hangs."""
+        # Channels alone: a process that ends closes its own, which wakes this as a message does.
         ready = connection.wait([seat.process.channel for seat in self._seats], self._patience())
+        # A copy: a seat that is given up leaves the list meanwhile.
         for seat in tuple(self._seats):
             if seat.process.channel in ready:
                 yield from self._listen(seat)
+            # What it said last is read first: it may be a result.
             elif not seat.process.running and not seat.process.channel.poll():
                 yield from self._bury(seat, seat.process.ended())
             elif seat in self._late():

@@ -78,6 +78,7 @@ class Board:
         results = self._results[part.number]
         results[part.start] = result
         if result.failure is not None:
+            # What lies behind a failure no longer matters; what lies before may fail earlier still.
             self._end[part.number] = part.start
         whole = self._whole(part.number)
         if whole is not None:

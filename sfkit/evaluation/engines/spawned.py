@@ -61,6 +61,7 @@ class Spawned:
                 stdout=STDERR,  # what a network prints must not run into what a command prints
                 pass_fds=[theirs.fileno()],
                 cwd=folder,
+                # In its environment: libraries read this once, when they are imported.
                 env={**os.environ, "OMP_NUM_THREADS": str(threads)},
             )
         finally:
@@ -116,6 +117,7 @@ def stop(processes: Iterable[Spawned]) -> None:
     """End processes, whatever they are at: they keep nothing that could be lost."""
     here = [process for process in processes if process.owner == os.getpid()]  # a fork owns none of them
     for process in here:
+        # All are told before any is waited for: they end at the same time.
         process.release()
         process.terminate()
     for process in here:

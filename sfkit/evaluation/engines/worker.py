@@ -78,6 +78,8 @@ class Worker:
             jobs: list[Future[ImageErrors]] = []
             for number in numbers:
                 if len(jobs) >= AHEAD:
+                    # Waits for an earlier count: maps would pile up where counting is slower than the
+                    # network.
                     jobs[-AHEAD].result()
                 # A copy: a network may write its next map where this one lies.
                 prediction = self.predict(number).copy()
@@ -94,6 +96,7 @@ class Worker:
         if recipe == self._held and self.model.recipe is self._held:
             return
         self._held = None
+        # Held by nobody until it is whole: a merge that fails half-way leaves no recipe in the network.
         self.model.apply(recipe)
         self._held = recipe
 
