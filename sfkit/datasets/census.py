@@ -137,6 +137,7 @@ class CensusTarget:
             # Whole numbers: the sum is the same on every device and number of threads.
             total = int(differing.mul_(seen).sum(dtype=torch.int64))
             shares.append(100.0 * total / (count * len(level.bits)) if count else CHANCE)
+            # Of the finest scale: it says the most exactly which pixels leave the image.
             inside = inside or count / seen.numel()
         return Residual(math.fsum(shares) / len(shares), inside)
 
@@ -183,6 +184,7 @@ class CensusTarget:
         import torch.nn.functional as F
 
         first, second = (_smoothed(_grey(image, self.device), scale) for image in (left, right))
+        # Texture is asked of the finest of the usual scales, whatever others stand before it.
         if scale == SCALES[0] or not hasattr(self, "_spread"):
             high = F.max_pool2d(first[None, None], 5, 1)
             low = -F.max_pool2d(-first[None, None], 5, 1)
@@ -197,6 +199,7 @@ class CensusTarget:
         # Every step-th pixel of a coarser image: disparities there are that much smaller.
         warped, inside = _warped(level.right, disparity[::step, ::step] / step)
         count = torch.zeros_like(level.bits[0], dtype=torch.uint8)
+        # One neighbour at a time: all at once take twelve times the memory.
         for ours, theirs in zip(level.bits, _bits(warped, level.scale), strict=True):
             count += ours.not_equal(theirs)
         return count, inside[margin:-margin, margin:-margin]

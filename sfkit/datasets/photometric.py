@@ -153,6 +153,7 @@ def check_ground_truth(
     first, second = _grey(left), _grey(right)
     rows, columns = _sampled(disparity, pixels)
     shift = disparity[rows, columns].astype(np.float64)
+    # Once for each: every reading is compared with one of these two.
     codes = {False: _codes(first, rows, columns), True: _codes(second, rows, columns)}
     as_read, inside = _residuals(Reading(AS_READ), first, second, rows, columns, shift, codes[False])
     others: dict[str, tuple[float, float]] = {}

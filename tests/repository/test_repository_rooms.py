@@ -44,7 +44,7 @@ ROOMS = (
 )
 # Rooms that know less than all that stands left of them.
 NARROW: dict[str, set[str]] = {
-    "settings": set(),
+    "settings": {"errors"},
     "files": {"errors"},
     "outside": {"errors", "files"},
     "streams": set(),
@@ -52,8 +52,9 @@ NARROW: dict[str, set[str]] = {
     "cards": set(),
     "checkpoints": {"errors", "files", "outside"},
     "architectures": {"errors", "files"},
-    "datasets": {"errors", "files", "outside", "cards"},
-    "merging": {"errors", "files", "outside", "cards", "checkpoints", "architectures"},  # it sees no image
+    "datasets": {"errors", "settings", "files", "outside", "cards"},
+    # It sees no image.
+    "merging": {"errors", "settings", "files", "outside", "cards", "checkpoints", "architectures"},
     "exporting": {"errors", "files", "checkpoints", "architectures", "datasets", "merging", "evaluation"},
     "search": {"errors", "settings", "files", "outside", "streams", "cards", "merging", "evaluation"},
     "published": {"errors"},

@@ -98,6 +98,7 @@ def _with_batch_statistics(units: list[_Unit], maps: torch.Tensor, convolve: Con
 def _with_running_statistics(units: list[_Unit], maps: torch.Tensor, convolve: Convolution) -> torch.Tensor:
     """Each batch norm as part of the convolution before it, folded at every call because weights change."""
     scale, shift = units[0].affine()
+    # The first norm has no convolution before it that it could be folded into.
     maps = maps * scale + shift
     for unit, following in pairwise(units):
         scale, shift = following.affine()

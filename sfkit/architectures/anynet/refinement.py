@@ -36,6 +36,7 @@ def refine(parts: nn.Sequential, image: torch.Tensor, disparity: torch.Tensor) -
     small = (height // SCALE, width // SCALE)
     guide, enter, leave = parts
     gates = guide(_resize(image, small)).unflatten(1, (3, WIDTH))
+    # Gates of one place sum to at most 1: else a scan over hundreds of columns grows without bound.
     gates = gates / (gates.abs().sum(dim=1, keepdim=True) + 1e-8)
     state = enter(_resize(disparity[:, None], small))
     refined: torch.Tensor = _resize(leave(propagate(state, gates)), (height, width))

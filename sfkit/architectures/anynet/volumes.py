@@ -17,6 +17,7 @@ def full_volume(left: torch.Tensor, right: torch.Tensor, candidates: int) -> tor
     feature counts as zero, so the cost there is the norm of the left one.
     """
     width = right.shape[-1]
+    # Padded once, so that every shift is a view.
     padded = F.pad(right, (candidates - 1, 0))
     shifted = [padded[..., candidates - 1 - d : candidates - 1 - d + width] for d in range(candidates)]
     return (left[:, :, None] - torch.stack(shifted, dim=2)).abs().sum(dim=1)

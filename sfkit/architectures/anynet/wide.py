@@ -95,6 +95,7 @@ class ConvexUpsampling(nn.Module):
         low = F.interpolate(disparity[:, None], size=small, mode="bilinear", align_corners=False)
         guide = torch.cat([F.pixel_unshuffle(stem, 2), low / PIXELS], dim=1)
         weights = self.weights(F.relu(self.hidden(guide))).view(batch, 9, SCALE * SCALE, *small)
+        # Edges are repeated: zeros would pull disparities at the border down.
         around = F.unfold(F.pad(low, (1, 1, 1, 1), mode="replicate"), 3).view(batch, 9, 1, *small)
         fine = (torch.softmax(weights, dim=1) * around).sum(dim=1)
         return F.pixel_shuffle(fine, SCALE)[:, 0]

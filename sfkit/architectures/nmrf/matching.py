@@ -77,6 +77,7 @@ def warp(right: torch.Tensor, disparity: torch.Tensor) -> torch.Tensor:
         inside = column.clamp(0, width - 1)
         index = rows + inside.long().clamp(0, width - 1)  # a NaN has no integer: clamp again
         found = table.index_select(0, index.flatten()).reshape(*column.shape, channels)
+        # What was read at a clamped column lies outside the image, and counts as zero.
         return found * (column == inside)[..., None]
 
     return torch.lerp(read(before), read(before + 1), fraction.to(right.dtype))

@@ -129,6 +129,7 @@ class NMRF(nn.Module):
         # What proposes labels has a loss of its own; inference learns from labels as they are.
         labels = proposals.labels.detach()
         coarse = [self._coarse(labels, tokens) for tokens in self.inference(labels, features)]
+        # Candidates are in pixels of 1/8; what follows works at 1/4.
         best = winner(coarse[-1].disp_pred, coarse[-1].logits_pred) * (STRIDE / REFINE_STRIDE)
         start = lower_median(best, REFINE_STRIDE).detach()
 

@@ -49,6 +49,7 @@ class StripeAttention(nn.Module):
         kernel, padding = (weight[:, :, :, 1:2], (1, 0)) if self.vertical else (weight[:, :, 1:2, :], (0, 1))
         total = v.sum(-2)
         summed = F.conv2d(total.permute(0, 3, 1, 2), kernel, padding=padding, groups=weight.shape[0])
+        # The centre tap has seen every candidate of its place: all but the own one are taken away again.
         others = total[..., None, :] - v
         return summed.permute(0, 2, 3, 1)[..., None, :] - weight[:, 0, 1, 1] * others
 

@@ -39,6 +39,7 @@ def cost_volume(left: torch.Tensor, right: torch.Tensor, bins: int) -> torch.Ten
     pairs = (a @ b) / (channels // GROUPS)
     x = torch.arange(width, device=left.device)
     matching = x[:, None] - torch.arange(bins, device=left.device)[None, :]
+    # No column matches where x < d: any is read, and the cost is set to 0 below.
     index = matching.clamp(min=0).expand(*pairs.shape[:3], width, bins)
     cost = pairs.gather(-1, index).masked_fill(matching < 0, 0.0)
     return cost.transpose(2, 3)

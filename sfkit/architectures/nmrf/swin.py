@@ -96,6 +96,7 @@ class PatchMerging(nn.Module):
 
     def forward(self, x: torch.Tensor) -> torch.Tensor:
         """(B, h, w, c) with h and w even -> (B, h/2, w/2, 2c)."""
+        # In the order of the published weights: down before across.
         corners = (x[:, 0::2, 0::2], x[:, 1::2, 0::2], x[:, 0::2, 1::2], x[:, 1::2, 1::2])
         y: torch.Tensor = self.reduction(self.norm(torch.cat(corners, -1)))
         return y

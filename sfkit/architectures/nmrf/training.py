@@ -99,6 +99,7 @@ def target_histogram(truth: torch.Tensor, bins: int) -> torch.Tensor:
     upper = mass * (place - place.floor())
     histogram = truth.new_zeros(*place.shape[:2], bins)
     histogram.scatter_add_(-1, low.long(), mass - upper)
+    # The last bin has no next one: its share stays with itself.
     histogram.scatter_add_(-1, (low + 1).clamp(max=bins - 1).long(), upper)
     return histogram / histogram.sum(-1, keepdim=True).clamp(min=LEAST_MASS)
 
