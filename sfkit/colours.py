@@ -99,6 +99,7 @@ def text_on(colour: tuple[int, int, int]) -> str:
     """Black or white, whichever reads better on an RGB colour (WCAG contrast)."""
     red, green, blue = (_linear(value / 255.0) for value in colour)
     luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    # Contrasts to white, 1.05 / (L + 0.05), and to black, (L + 0.05) / 0.05, compared without a division.
     return "#000000" if (luminance + 0.05) ** 2 > 0.05 * 1.05 else "#ffffff"
 
 
@@ -116,6 +117,7 @@ def paint(values: NDArray[np.floating], limits: tuple[float, float], stops: Stop
     """
     low, high = limits
     known = ~np.isnan(values)
+    # Half a level is added for truncation to round; the low end stands in for NaN, whose cast is undefined.
     levels = np.clip((np.where(known, values, low) - low) * (255.0 / (high - low)) + 0.5, 0, 255)
     # OpenCV looks colours up in a tenth of NumPy's time, which widgets need to follow a drag.
     painted = cv2.applyColorMap(levels.astype(np.uint8), _table(stops))
@@ -163,6 +165,7 @@ def picked(values: NDArray[Value], longest: int) -> NDArray[Value]:
 
     Pixels are picked, not averaged: invalid ones would otherwise bleed into their neighbours.
     """
+    # Rounded up: rounded down, a side of 2 k - 1 pixels would stay as it is.
     step = -(-max(values.shape) // longest)
     return values[::step, ::step]
 

@@ -126,6 +126,7 @@ def _benchmark(name: str, pairs: int, split: str, expected: int) -> Benchmark:
     )
 
 
+# All pairs of four benchmarks stay: every candidate of a search asks for them again.
 @lru_cache(maxsize=256)
 def _render(world: str, index: int, split: str) -> Sample:
     """One pair, from memory, from the cache on disk, or rendered and kept there (0.8 MB)."""

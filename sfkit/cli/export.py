@@ -62,6 +62,7 @@ def export(
     if (left is None) != (right is None):
         raise InputError("--left and --right: found one of them, expected both images of a pair")
     given = _size(size)
+    # Only now: what refuses the words of a command line needs no torch.
     from sfkit.datasets.images import read_image
     from sfkit.exporting.export import export_network
 

@@ -222,6 +222,7 @@ def _relations(path: Path) -> tuple[Relations, tuple[str, ...]]:
     """Of any pool, which is opened for it, with what is doubtful of it."""
     from sfkit.merging.opening import open_pool
 
+    # They are lines of the description below, and not to be said twice.
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SfkitWarning)
         pool = open_pool(path)

@@ -128,6 +128,7 @@ def open_benchmarks(entries: Iterable[str | Mapping[str, Any]]) -> list[Benchmar
     Raises:
         InputError: as :func:`open_benchmark` says, or an entry is neither, or has an unknown argument.
     """
+    # From the signature: a new argument is known to every file that names benchmarks.
     known = tuple(inspect.signature(open_benchmark).parameters)
     opened = []
     for entry in entries:

@@ -151,6 +151,7 @@ def _check_pairs(
             f"{pair.id}: {text}" for text in check_sample.problems(sample, labelled=is_labelled(pair))
         ]
         warnings += [f"{pair.id}: {text}" for text in check_sample.warnings(sample)]
+        # Digests, not images: a data set does not fit into memory.
         digest = hashlib.sha256(sample.left.tobytes()).digest()
         other = first_with.setdefault(digest, pair.id)
         if other != pair.id:

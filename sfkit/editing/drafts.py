@@ -182,6 +182,7 @@ class RoutingDraft:
     def tie(self, *, tied: bool) -> RoutingDraft:
         """One row of weights for all blocks (the mean of their rows), or a row for each; locks are lifted."""
         if not tied or self.recipe.tied:
+            # A lock of one block says nothing of all blocks together.
             return replace(self, tied=tied, locked=frozenset())
         columns = zip(*self.recipe.weights, strict=True)
         row = tuple(math.fsum(column) / len(self.blocks) for column in columns)
@@ -214,6 +215,7 @@ class RoutingDraft:
         if not free and weight < row[column]:  # only where a source leaves: nothing else is free to take it
             free = [e for e, name in enumerate(self.sources) if e != column and name not in self.gone]
         kept = math.fsum(w for e, w in enumerate(row) if e != column and e not in free)
+        # Locked weights may sum to more than 1 by a rounding: no room is not negative room.
         weight = min(weight, max(0.0, 1.0 - kept)) if free else row[column]
         rest, held = max(0.0, 1.0 - kept - weight), math.fsum(row[e] for e in free)
         moved = list(row)

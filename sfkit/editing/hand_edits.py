@@ -34,6 +34,7 @@ class SeenByHand:
 
 def mark_hand_edit(store: EvaluationStore, key: str, benchmark: Benchmark) -> None:
     """Remember in the store that the evaluation ``key`` on a benchmark is of a recipe edited by hand."""
+    # Pair by pair: a report may test on a part of them, or on them under another name.
     seen = [identity for pair in benchmark.pairs for identity in identities(pair)]
     store.mark(key, HAND_EDIT, "\n".join(sorted(seen)))
 

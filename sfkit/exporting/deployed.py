@@ -31,6 +31,7 @@ class Sizes:
         """What ``torch.export`` wants to know of both images: one height and width, in whole multiples."""
         if self.fixed is not None:
             return None
+        # torch.export treats sizes of 0 and 1 as cases of their own: a range starts at 2.
         height, width = (torch.export.Dim(name, min=2, max=4096) for name in ("height", "width"))
         image = (
             {2: self.multiple * height, 3: self.multiple * width}
@@ -70,6 +71,7 @@ class DeployedNetwork(nn.Module):
         window, (height, width) = self.window
         right, bottom = width - window.left - window.width, height - window.top - window.height
         sides = (window.left, right, window.top, bottom)
+        # Where there is nothing to pad, no operator is traced into the file.
         return F.pad(x, sides, mode="replicate") if any(sides) else x
 
 

@@ -176,6 +176,7 @@ def read_factory(path: str | Path) -> Factory:
     validation, tests = benchmarks[: len(guides)], benchmarks[len(guides) :]
     seen = {guide.fingerprint(): guide.name for guide in validation}
     for test in tests:
+        # By content: two names may mean the same pairs.
         if test.fingerprint() in seen:
             raise InputError(f"{path}: {test.name} is validation and test, expected other pairs to test on")
     check_separation(validation, tests)

@@ -66,6 +66,7 @@ class Recipe:
             raise InputError(
                 f"recipe: {len(self.scales)} scales, expected one for each of {len(self.blocks)} blocks"
             )
+        # A NaN would pass every comparison that says what is wrong: what is allowed is asked for.
         for value in (*self.scales, *(w for row in self.weights for w in row)):
             if not math.isfinite(value) or value < 0:
                 raise InputError(f"recipe: found the value {value}, expected finite numbers of at least 0")
@@ -129,6 +130,7 @@ class Recipe:
             identity: source name -> fingerprint.
             partition: the fingerprint of the block partition.
         """
+        # Adding a source with weight 0 is the same network: it shall not be evaluated again.
         used = [e for e in range(len(self.sources)) if any(row[e] != 0.0 for row in self.weights)]
         order = sorted(used, key=lambda e: identity[self.sources[e]])
         sources = [identity[self.sources[e]] for e in order]

@@ -35,6 +35,7 @@ FLAGS = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    # The DOM is printed when the scripts have run, not when the page has loaded.
     "--virtual-time-budget=120000",
 )
 SECONDS = 300
@@ -110,7 +111,9 @@ def _drawn(browser: Path, figures: list[dict[str, Any]], kind: str) -> list[byte
     """All pictures from one start of Chromium, which prints the page's DOM when its scripts are done."""
     script = resources.files("sfkit.reports").joinpath("pictures.js").read_text(encoding="utf-8")
     parts = [{"data": f.get("data", []), "layout": f.get("layout", {})} for f in figures]
+    # A label with </script> in it would end the element that holds it.
     text = json.dumps({"kind": kind, "width": WIDTH, "figures": parts}).replace("<", "\\u003c")
+    # Chromium does not start with its sandbox as root, which notebooks in a container often are.
     flags = [*FLAGS, *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else [])]
     with tempfile.TemporaryDirectory(prefix="sfkit-pictures-") as scratch:
         page = Path(scratch) / "page.html"

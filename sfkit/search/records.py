@@ -179,6 +179,7 @@ def count(candidates: Sequence[Candidate]) -> Counts:
 
 def ranked(candidates: Iterable[C]) -> tuple[C, ...]:
     """The unique candidates with a finite score, best first: the archive of Algorithm 1."""
+    # A repeated one is the same network again, which would take two places of the archive.
     scored = (candidate for candidate in candidates if not (candidate.repeated or candidate.failed))
     return tuple(sorted(scored, key=lambda candidate: candidate.rank))
 

@@ -74,6 +74,7 @@ class SfkitWidget(anywidget.AnyWidget):
         """
         settings = settings or {}
         self.refuse_unknown(settings)
+        # Reentrant: a message holds it, and so does what a command calls.
         self._commanding = threading.RLock()
         super().__init__(**state, **settings)
         self._still = Still(self.model_id, self._picture)
@@ -97,6 +98,7 @@ class SfkitWidget(anywidget.AnyWidget):
 
     def close(self) -> None:
         """Leave the page; the still stays as it is."""
+        # ipywidgets closes a widget whose making was refused, too.
         if still := getattr(self, "_still", None):
             still.close()
         super().close()
@@ -146,9 +148,11 @@ class SfkitWidget(anywidget.AnyWidget):
             with self.reporting():
                 self.error = ""
                 call(self, content)
+            # A refused command, too: the page waits for its answer.
             self._acknowledge(str(content["view"]), int(content["sequence"]))
 
     def _acknowledge(self, view: str, sequence: int) -> None:
         others = {name: number for name, number in self.acknowledged.items() if name != view}
+        # Pages that were closed never say so: only the latest views are kept.
         kept = list(others.items())[-(VIEWS_REMEMBERED - 1) :]
         self.acknowledged = {**dict(kept), view: sequence}

@@ -119,6 +119,7 @@ class Sheet:
         names = f"{along}: " + ", ".join(name for name, *_ in lines)
         self.text((x0 + x1) / 2, y0 + 16, names, size=11, colour=MUTED, anchor="middle", room=x1 - x0 - 40)
         for _, along_x, values, colour, dots in lines:
+            # One candidate alone, or equal scores: there is no range to divide by.
             points = [
                 (
                     x0 + (x1 - x0) * (x - first) / ((last - first) or 1),

@@ -31,6 +31,7 @@ def weights_table(
     sheet.y += 13 * (max(map(len, lines)) - 1)
     for e, words in enumerate(lines):
         middle = MARGIN + NAMES + (e + 0.5) * wide
+        # From the bottom up: names of one line and of three end at the same height.
         for n, line in enumerate(reversed(words)):
             top = sheet.y + 14 - 13 * n
             sheet.text(middle, top, line, size=11, colour=MUTED, anchor="middle", room=wide - 4)
@@ -38,6 +39,7 @@ def weights_table(
     for b, block in enumerate(blocks):
         top = sheet.y + 20 + b * ROW
         sheet.text(MARGIN, top + 16, block, room=NAMES)
+        # A tied recipe comes with one row for all blocks.
         for e, weight in enumerate(rows[b if len(rows) > 1 else 0]):
             fill, ink = colour(weight)
             left = MARGIN + NAMES + e * wide
@@ -146,6 +148,7 @@ def routing_sheet(trace: Mapping[str, Any], model: Mapping[str, Any]) -> Sheet:
     sheet = Sheet("Routing search")
     if not trace:
         return _nothing(sheet, "No evaluation yet.")
+    # Where every evaluation failed there is no best one: the last is shown.
     at = trace["best"] if trace["best"] is not None else len(trace["drawn"]) - 1
     shades = trace["shades"]
     sheet.text(MARGIN, sheet.y + 12, f"evaluation {trace['drawn'][at]}: {trace['text'][at]}", room=INNER)

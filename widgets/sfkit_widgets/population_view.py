@@ -55,6 +55,7 @@ class PopulationView(SearchView):
     def __init__(
         self, search: Watchable, *, archive: int = 8, metric: str | None = None, **settings: Any
     ) -> None:
+        # Before the widget begins: a refused one must not follow the search.
         require_whole("archive", archive, 0)
         self._archive = archive
         super().__init__(source_of(search, metric, kind="subset"), settings)

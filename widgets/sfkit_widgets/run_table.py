@@ -59,6 +59,7 @@ class RunTable(SfkitWidget):
 
     def __init__(self, folder: str | os.PathLike[str] = "runs", **settings: Any) -> None:
         self.folder = home(folder)
+        # Before the folder is read, which can take long.
         self.refuse_unknown(settings)
         super().__init__(settings, columns=list(COLUMNS), rows=read_rows(self.folder))
 
