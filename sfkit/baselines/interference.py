@@ -43,6 +43,7 @@ def ties(
     Raises:
         InputError: a density or strength out of its range.
     """
+    # Before the first preparation, which reads every task vector.
     _check(lambdas, "lambdas", densities, "densities")
     known, tried = Thresholds(), []
     for density in densities:

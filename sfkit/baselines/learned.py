@@ -100,6 +100,7 @@ def _adapted(trials: Trials, steps: int, start: float, rate: float, *, by_block:
             model, number = turns[step % len(turns)]
             model.take(recipe)
             entropy, flat = model.gradient(number)
+            # Blocks that share a weight add up their gradients: the chain rule.
             by_source = _by_block(pool, flat)
             adam.step(by_source if by_block else by_source.sum(dim=0, keepdim=True))
             weights.clamp_(0.0, 1.0)  # as the authors' code does

@@ -63,6 +63,7 @@ def run_baselines(
     chosen = [baseline_named(name) for name in (baselines() if names is None else names)]
     chosen = [entry for entry in chosen if names is not None or not entry.on_request]
     own = settings or {}
+    # A method nobody asked for may have settings; one that does not exist may not.
     for name in own:
         baseline_named(name)
     shared = {"seed": seed, "population": population, "generations": generations, "tests": tuple(tests)}

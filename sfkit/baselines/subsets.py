@@ -105,6 +105,7 @@ def averaged(
     settings = SubsetSettings(population=population, generations=generations, seed=seed)
     which, best = _stage1(trials, settings)
     how, _ = _stage2(trials, best.subset, RoutingSettings(evaluations=evaluations, seed=seed))
+    # Both stages were scored pair by pair: what wins a resample is known without another evaluation.
     found = averaged_winner([which, how], trials.validation, resamples, seed=seed)
     trials.score([found.recipe], [{"stage": "average"}])
     return Choice(found.recipe, settings={"winners": len(found.wins)})

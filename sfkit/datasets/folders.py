@@ -176,6 +176,7 @@ def _conventions(files: Iterable[Path]) -> list[tuple[str, str, tuple[str, ...]]
     """The table of names, and those that end in ``_left``."""
     stems = sorted({f.stem.removesuffix("_left") for f in files if f.stem.endswith("_left")})
     truths = ("disp", "disparity", "disp_left", "disparity_left")
+    # NAME_disp_left is ground truth, not the left image of a pair called NAME_disp.
     named = [
         (f"{s}_left", f"{s}_right", tuple(f"{s}_{truth}" for truth in truths))
         for s in stems

@@ -96,6 +96,7 @@ def _find(layout: PairLayout, root: Path, place: str, resolution: str | None) ->
         if lacking:
             missing[name] = lacking
         else:
+            # What a pair may lack, mask and calibration, is left out where it is absent.
             there: dict[str, Any] = {role: path for role, path in files.items() if path.is_file()}
             pairs.append(StereoPair(name, coding=layout.coding, mask_coding=layout.mask_coding, **there))
     return PairListing(tuple(pairs), missing, (layout.note,) if layout.note else ())

@@ -151,6 +151,7 @@ def read_manifest(path: Path) -> Manifest:
     for place in manifest.places:
         _relative(path, "places", place)
     sized = any(RESOLUTION in p for layout in manifest.layouts for p in layout.patterns().values())
+    # A resolution without a place in the patterns would open the same files under two names.
     if sized != bool(manifest.resolutions):
         raise InputError(f"{path}: expected both {RESOLUTION} in the layouts and 'resolutions', or neither")
     return manifest

@@ -77,6 +77,7 @@ def stated_metadata(path: Path) -> dict[str, str] | None:
     if not metadata and (sidecar := sidecar_of(path)).is_file():
         metadata = read_json(sidecar, "was it edited?")
         belongs = metadata.get(BELONGS) if isinstance(metadata, Mapping) else None
+        # A torch file has no room for its recipe: an exchanged one would keep the former one beside it.
         if belongs is not None and belongs != _content(path):
             warnings.warn(
                 f"{sidecar}: belongs to other weights than those of {path.name} and is not believed: "
@@ -86,6 +87,7 @@ def stated_metadata(path: Path) -> dict[str, str] | None:
             )
             return None
         path = sidecar
+    # Other tools write metadata, too: only what has a recipe was merged here.
     if not isinstance(metadata, Mapping) or "sfkit.recipe" not in metadata:
         return None
     missing = [entry for entry in _ENTRIES if f"sfkit.{entry}" not in metadata]

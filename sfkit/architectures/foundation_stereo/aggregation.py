@@ -112,6 +112,7 @@ class Hourglass(nn.Module):
 
     def _along_disparity(self, volume: Tensor) -> Tensor:
         attended = self.atts["4"](self.conv_patch(volume))
+        # Attention costs the square of the number of disparities: it works on patches of four.
         return F.interpolate(attended, scale_factor=4, mode="trilinear", align_corners=False)
 
 

@@ -46,6 +46,7 @@ class MotionEncoder(nn.Module):
         evidence = torch.relu(self.convc2(torch.relu(self.convc1(evidence))))
         shape = torch.relu(self.convd2(torch.relu(self.convd1(disparity))))
         joined = torch.relu(self.conv(torch.cat([evidence, shape], dim=1)))
+        # The disparity itself goes with it: the GRU is to know where it stands, not only what lies around.
         return torch.cat([joined, disparity], dim=1)
 
 

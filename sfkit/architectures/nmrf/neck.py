@@ -57,6 +57,7 @@ class DeformableAttention(nn.Module):
         y = (torch.arange(height, device=queries.device, dtype=offsets.dtype) + 0.5) / height
         across = x[:, None, None] + offsets[..., 0] / value_size[1]
         down = y[:, None, None, None] + offsets[..., 1] / value_size[0]
+        # grid_sample takes -1 to 1 from edge to edge.
         places = 2 * torch.stack((across, down), -1) - 1
         return places.permute(0, 3, 1, 2, 4, 5).reshape(batch * HEADS, height * width, POINTS, 2)
 

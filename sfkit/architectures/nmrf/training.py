@@ -107,6 +107,7 @@ def target_histogram(truth: torch.Tensor, bins: int) -> torch.Tensor:
 def _init_loss(prob: torch.Tensor, truth: torch.Tensor) -> torch.Tensor:
     """Cross-entropy of the bins with the block's histogram, over the blocks with any ground truth."""
     target = target_histogram(truth, prob.shape[-1]).flatten(0, 1)
+    # Blocks without ground truth add nothing to the sum, and do not count in the mean.
     count = (target.sum(-1) > 0).sum().clamp(min=1)
     return -(target * prob.clamp(min=LEAST_PROB).log()).sum() / count
 
@@ -133,6 +134,7 @@ def _distance(disparity: torch.Tensor, truth: torch.Tensor, smooth: bool) -> tor
 
 
 def _mean(values: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    # Without a valid pixel the sum is 0: divided by 1 it stays 0, and has a gradient.
     return (values * mask).sum() / mask.sum().clamp(min=1)
 
 
