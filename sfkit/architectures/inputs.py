@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
@@ -16,6 +16,8 @@ import torch.nn.functional as F
 from numpy.typing import NDArray
 
 from sfkit.errors import InputError, ensure_known
+
+Map = TypeVar("Map", torch.Tensor, NDArray[np.float32])
 
 IMAGENET_MEAN = (0.485, 0.456, 0.406)
 IMAGENET_STD = (0.229, 0.224, 0.225)
@@ -38,9 +40,17 @@ class Window:
     height: int
     width: int
 
-    def crop(self, map_: torch.Tensor) -> torch.Tensor:
+    def crop(self, map_: Map) -> Map:
         """Cut the window out of a map of shape (..., H_padded, W_padded)."""
-        return map_[..., self.top : self.top + self.height, self.left : self.left + self.width]
+        found: Map = map_[..., self.top : self.top + self.height, self.left : self.left + self.width]
+        return found
+
+    def pad(self, map_: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
+        """A map (B, C, height, width) with its edges repeated until it has ``size``, (H_padded, W_padded)."""
+        right, bottom = size[1] - self.left - self.width, size[0] - self.top - self.height
+        sides = (self.left, right, self.top, bottom)
+        # Where there is nothing to pad, no operator is traced into an exported file.
+        return F.pad(map_, sides, mode="replicate") if any(sides) else map_
 
 
 @dataclass(frozen=True)
@@ -109,6 +119,4 @@ class InputConvention:
         own = np.require(image, requirements=("C", "W"))
         x = torch.from_numpy(own).permute(2, 0, 1).float().mul_(self.scale)
         x = x.sub_(torch.tensor(self.mean)[:, None, None]).div_(torch.tensor(self.std)[:, None, None])
-        right = padded[1] - window.left - window.width
-        bottom = padded[0] - window.top - window.height
-        return F.pad(x[None], (window.left, right, window.top, bottom), mode="replicate").contiguous()
+        return window.pad(x[None], padded).contiguous()

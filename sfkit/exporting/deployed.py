@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
-import torch.nn.functional as F
 from numpy.typing import NDArray
 from torch import nn
 
-from sfkit.architectures.inputs import InputConvention
+from sfkit.architectures.inputs import InputConvention, PreparedPair
 
 
 @dataclass(frozen=True)
@@ -39,6 +38,12 @@ class Sizes:
             else {2: height, 3: width}
         )
         return image, dict(image)
+
+    def fed(self, left: NDArray[np.uint8], right: NDArray[np.uint8], inputs: InputConvention) -> PreparedPair:
+        """Two (H, W, 3) images as a file of these sizes takes them: of 0 .. 255, padded where it does not."""
+        multiple = inputs.multiple if self.fixed is None else 1
+        raw = replace(inputs, scale=1.0, mean=(0.0,) * 3, std=(1.0,) * 3, multiple=multiple)
+        return raw.prepare(left, right)
 
 
 class DeployedNetwork(nn.Module):
@@ -68,44 +73,5 @@ class DeployedNetwork(nn.Module):
         x = (image * self.scale - self.mean) / self.std
         if self.window is None:
             return x
-        window, (height, width) = self.window
-        right, bottom = width - window.left - window.width, height - window.top - window.height
-        sides = (window.left, right, window.top, bottom)
-        # Where there is nothing to pad, no operator is traced into the file.
-        return F.pad(x, sides, mode="replicate") if any(sides) else x
-
-
-@dataclass(frozen=True)
-class Fed:
-    """A pair as an exported file is fed with it: (1, 3, H, W) float32 of 0 .. 255 each, and where it lies."""
-
-    left: torch.Tensor
-    right: torch.Tensor
-    rows: slice
-    columns: slice
-
-    @classmethod
-    def of(
-        cls, left: NDArray[np.uint8], right: NDArray[np.uint8], inputs: InputConvention, sizes: Sizes
-    ) -> Fed:
-        """Two (H, W, 3) uint8 images; padded here, by their edges, where the file does not pad."""
-        height, width = left.shape[:2]
-        if sizes.fixed is not None:
-            return cls(_tensor(left), _tensor(right), slice(None), slice(None))
-        window, (tall, wide) = inputs.window(height, width)
-        margins = (
-            (window.top, tall - window.top - height),
-            (window.left, wide - window.left - width),
-            (0, 0),
-        )
-        first, second = (_tensor(np.pad(image, margins, mode="edge")) for image in (left, right))
-        rows = slice(window.top, window.top + height)
-        return cls(first, second, rows, slice(window.left, window.left + width))
-
-    def crop(self, disparity: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(1, H, W) as the file returns it -> (height, width) of the images."""
-        return disparity[0, self.rows, self.columns]
-
-
-def _tensor(image: NDArray[np.uint8]) -> torch.Tensor:
-    return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)[None])).float()
+        window, size = self.window
+        return window.pad(x, size)

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from sfkit.architectures.inputs import PreparedPair
 from sfkit.checkpoints.fingerprints import fingerprint, tensor_digest
 from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.targets import FileForm
@@ -21,7 +22,7 @@ from sfkit.datasets.synthetic import domains, synthetic_pair
 from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
-from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
+from sfkit.exporting.deployed import DeployedNetwork, Sizes
 from sfkit.exporting.forms import SEEN, Form, called, check_target, form_of, kind_of, untried
 from sfkit.files import write_bytes
 from sfkit.merging.network import LoadedNetwork, load_network
@@ -146,16 +147,16 @@ def export_network(
         found = predict(load_network(out, name=loaded.name, options=options or _stated_options(path)), *pair)
         return _compared(out, form, sizes, found, expected)
     network = DeployedNetwork(loaded.network, loaded.inputs, sizes).eval()
-    example = Fed.of(*rendered_pair(_example_size(sizes, seen)), loaded.inputs, sizes)
+    example = sizes.fed(*rendered_pair(_example_size(sizes, seen)), loaded.inputs)
     made = MAKERS[form](network, sizes, example.left, example.right, tell)
     tell("running the file beside the network")
-    fed = Fed.of(*pair, loaded.inputs, sizes)
-    exported = _compared(out, form, sizes, fed.crop(_run(made, fed, kind)), expected)
+    fed = sizes.fed(*pair, loaded.inputs)
+    exported = _compared(out, form, sizes, fed.window.crop(_run(made, fed, kind))[0], expected)
     write_bytes(out, made.content(_metadata(path, loaded, exported)))
     return exported
 
 
-def _run(made: formats.ExportedNetwork, fed: Fed, kind: str) -> NDArray[np.float32]:
+def _run(made: formats.ExportedNetwork, fed: PreparedPair, kind: str) -> NDArray[np.float32]:
     """What the file returns of a pair.
 
     Raises:

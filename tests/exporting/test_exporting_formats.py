@@ -24,7 +24,7 @@ from sfkit.cli import main
 from sfkit.datasets.images import read_image
 from sfkit.errors import InputError, SfkitError, SfkitWarning
 from sfkit.exporting import Form, export, export_network, formats
-from sfkit.exporting.deployed import DeployedNetwork, Fed, Sizes
+from sfkit.exporting.deployed import DeployedNetwork, Sizes
 from sfkit.exporting.export import rendered_pair
 from sfkit.exporting.formats import TRACING
 from sfkit.exporting.forms import SEEN, kind_of, untried
@@ -140,11 +140,11 @@ def test_a_dynamic_file_is_fed_padded_images_and_cropped() -> None:
     inputs, sizes = entry.inputs(entry.resolve()), Sizes(None, 16)
     network = entry.build(ranges=[4, 3, 3], spn=False).eval()
     left, right = rendered_pair((40, 70))
-    fed = Fed.of(left, right, inputs, sizes)
+    fed = sizes.fed(left, right, inputs)
     assert fed.left.shape == (1, 3, 48, 80)
     prepared = inputs.prepare(left, right)
     with torch.no_grad():
-        found = fed.crop(DeployedNetwork(network, inputs, sizes)(fed.left, fed.right).numpy())
+        found = fed.window.crop(DeployedNetwork(network, inputs, sizes)(fed.left, fed.right))[0].numpy()
         expected = prepared.window.crop(network(prepared.left, prepared.right))[0].numpy()
     np.testing.assert_allclose(found, expected, atol=1e-4)
 
@@ -235,12 +235,12 @@ class Difference(torch.nn.Module):
 def test_a_file_that_holds_on_to_another_size_is_told_in_one_sentence() -> None:
     """As some do that were to take any."""
     inputs, made_for, asked = sfkit.InputConvention(multiple=1), Sizes((32, 32), 1), Sizes((32, 48), 1)
-    example = Fed.of(*rendered_pair((32, 32)), inputs, made_for)
+    example = made_for.fed(*rendered_pair((32, 32)), inputs)
     network = DeployedNetwork(Difference(), inputs, made_for)
     made = formats.torch_export(network, made_for, example.left, example.right, lambda _line: None)
     assert export._run(made, example, "net").shape == (1, 32, 32)
     with pytest.raises(SfkitError, match=r"the exported net does not run on images of 32x48 \("):
-        export._run(made, Fed.of(*rendered_pair((32, 48)), inputs, asked), "net")
+        export._run(made, asked.fed(*rendered_pair((32, 48)), inputs), "net")
 
 
 @pytest.mark.parametrize("reason", [None, "its windows"])

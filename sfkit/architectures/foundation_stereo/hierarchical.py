@@ -47,10 +47,10 @@ def hierarchical_disparity(
     # The authors add the padding on the left to the disparity; kept, so that results agree with theirs.
     start = start + window.left
     initial = resize_corners(start, (start.shape[-2] // FACTOR, start.shape[-1] // FACTOR)) / FACTOR
-    return window.crop(network(full_left, _padded(right)[0], initial=initial))
+    disparity: Tensor = network(full_left, _padded(right)[0], initial=initial)
+    return window.crop(disparity)
 
 
 def _padded(x: Tensor) -> tuple[Tensor, Window]:
-    window, (height, width) = INPUTS.window(*x.shape[-2:])
-    right, bottom = width - window.left - window.width, height - window.top - window.height
-    return F.pad(x, (window.left, right, window.top, bottom), mode="replicate"), window
+    window, size = INPUTS.window(*x.shape[-2:])
+    return window.pad(x, size), window
