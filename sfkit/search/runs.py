@@ -16,7 +16,7 @@ from sfkit.search.journal import JournalledSearch, read_journal
 from sfkit.search.run_folder import NAMES, SEARCH
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 JOURNAL = "journal.jsonl"
 STAGES = {"subset": "Stage 1", "routing": "Stage 2"}
@@ -132,16 +132,8 @@ def _stage(found: JournalledSearch) -> StageRun:
     )
 
 
-def run_table(runs: Iterable[Run]) -> pd.DataFrame:
-    """One row a stage: folder, stage, state, best, subset, evaluations, cached, failed, seconds, written."""
-    import pandas as pd
-
-    columns = ["run", "stage", "state", "generation", "best", "subset", "evaluations", "cached", "failed"]
-    return pd.DataFrame(run_rows(runs), columns=[*columns, "seconds", "written"])
-
-
 def run_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
-    """The rows of :func:`run_table`: column -> value."""
+    """What ``sfkit runs list`` shows, one row a stage: column -> value."""
     return [
         {
             "run": str(run.folder),

@@ -12,7 +12,7 @@ import torch
 from tiny import fine_tune
 
 from sfkit.architectures import NMRF, architecture
-from sfkit.architectures.nmrf.training import CLIP_NORM, losses, parameter_groups
+from sfkit.architectures.nmrf.training import losses, parameter_groups
 from sfkit.checkpoints import FileForm, Member, PoolSpec
 from sfkit.cli import main
 from sfkit.datasets.benchmark import memory_benchmark
@@ -225,7 +225,7 @@ def trained(base: State, domain: Domain, steps: int) -> State:
     for _ in range(steps):
         optimiser.zero_grad()
         losses(network.estimate(left, right), truth).total().backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), CLIP_NORM)
+        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
     return dict(network.state_dict())
 

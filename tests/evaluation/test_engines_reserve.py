@@ -33,12 +33,16 @@ def crew(evaluator: Evaluator) -> ProcessCrew:
     return found
 
 
+def pids(evaluator: Evaluator) -> tuple[int, ...]:
+    return tuple(seat.process.pid for seat in crew(evaluator)._taken)
+
+
 def evaluated(pairs: int) -> tuple[tuple[int, ...], Evaluation]:
     pool = open_pool("bank")
     benchmark = open_benchmark("bank:courtyard").first(pairs)
     with Evaluator(pool, benchmark, engine="processes", workers=1) as evaluator:
         (found,) = evaluator.evaluate([pool.uniform()])
-        return crew(evaluator).pids, found
+        return pids(evaluator), found
 
 
 def test_the_next_evaluator_takes_the_worker_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,7 +59,7 @@ def test_the_next_evaluator_takes_the_worker_of_the_last(monkeypatch: pytest.Mon
     pool, benchmark = open_pool("bank"), open_benchmark("bank:courtyard").first(1)
     with Evaluator(pool, benchmark, engine="processes", workers=1) as evaluator:
         evaluator.evaluate([pool.base_recipe()])
-        (fourth,) = crew(evaluator).pids
+        (fourth,) = pids(evaluator)
         assert fourth != third
         assert not Path(f"/proc/{third}").exists(), "a worker of other surroundings has ended"
         crew(evaluator).give(0, Task(2, ImageRange(0, 0, 1), pool.uniform()))
@@ -91,6 +95,6 @@ def test_a_worker_that_ran_a_users_code_does_not_stay(tmp_path: Path) -> None:
     pool = trapped_pool(tmp_path / "pool")
     with Evaluator(pool, noise(), engine="processes", workers=1) as evaluator:
         evaluator.evaluate([pool.base_recipe()])
-        (pid,) = crew(evaluator).pids
+        (pid,) = pids(evaluator)
     assert not reserve._waiting
     assert not Path(f"/proc/{pid}").exists()

@@ -16,7 +16,7 @@ from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.recipe import Recipe
 from sfkit.search import Journal, RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 from sfkit.search.run_folder import OUTPUTS, STORE, run_folder
-from sfkit.search.runs import State, find_runs, read_run, run_differences, run_table
+from sfkit.search.runs import State, find_runs, read_run, run_differences, run_rows
 
 NAMES, BLOCKS = ("a", "b", "c"), ("x",)
 
@@ -61,11 +61,10 @@ def test_an_interrupted_run_is_open(tmp_path: Path) -> None:
 def test_the_list_has_a_row_a_stage(tmp_path: Path) -> None:
     run(tmp_path / "deep" / "one", seed=1)
     run(tmp_path / "two", seed=2, stop_after=0)
-    table = run_table(find_runs(tmp_path))
-    assert sorted(zip(table["stage"], table["state"], strict=True)) == [
+    assert sorted((row["stage"], row["state"]) for row in run_rows(find_runs(tmp_path))) == [
         ("Stage 1", "finished"), ("Stage 1", "open"), ("Stage 2", "finished"),
     ]  # fmt: skip
-    assert run_table([]).empty
+    assert run_rows([]) == []
 
 
 def test_a_difference_in_settings_is_shown(tmp_path: Path) -> None:

@@ -138,10 +138,7 @@ def _mean(values: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
     return (values * mask).sum() / mask.sum().clamp(min=1)
 
 
-# One-cycle schedules with these peaks; gradients are clipped to a norm of 1.
-LEARNING_RATE = 5e-4
-FINE_TUNING_RATE = 2e-4
-CLIP_NORM = 1.0
+FINE_TUNING_RATE = 2e-4  # the peak of a one-cycle schedule; gradients are clipped to a norm of 1
 WEIGHT_DECAY = 1e-5
 SLOWDOWN = 0.1
 SLOW = ("image_encoder.backbone.*", "*.sampling_offsets.*")

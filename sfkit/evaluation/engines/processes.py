@@ -65,11 +65,6 @@ class ProcessCrew(Crew[ProcessSeat]):
         for seat in self._seats:
             self._occupy(seat)
 
-    @property
-    def pids(self) -> tuple[int, ...]:
-        """The process numbers of the workers."""
-        return tuple(seat.process.pid for seat in self._taken)
-
     def give(self, number: int, task: Task) -> None:
         """Give a free seat a task."""
         seat = self._seats[number]
