@@ -18,7 +18,7 @@ from sfkit.datasets.protocols import protocols_without_mask, rules_for
 from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
 from sfkit.errors import InputError
 
-Progress = Callable[[int, int], None]
+Counted = Callable[[int, int], None]
 SHOWN = 8  # names in a line of text before it says how many more there are
 
 
@@ -81,7 +81,7 @@ def check_data(
     coding: str | None = None,
     table: Path | str | None = None,
     every: int | None = None,
-    progress: Progress | None = None,
+    progress: Counted | None = None,
 ) -> DataReport:
     """Look for a data set under a folder, load every pair and report; arguments as in ``open_benchmark``.
 
@@ -112,7 +112,7 @@ def _report(
     found: PairListing,
     ids: tuple[str, ...] | None,
     nothing: str,
-    progress: Progress | None,
+    progress: Counted | None,
 ) -> DataReport:
     problems, warnings = _check_pairs(found.pairs, progress)
     here = {pair.id for pair in found.pairs} | set(found.missing)
@@ -134,7 +134,7 @@ def _report(
 
 
 def _check_pairs(
-    pairs: Sequence[Pair], progress: Progress | None = None
+    pairs: Sequence[Pair], progress: Counted | None = None
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     problems: list[str] = []
     warnings: list[str] = []

@@ -199,9 +199,8 @@ def pool_toml(found: CheckpointFamily, name: str) -> str:
         f"# Guessed: even the farthest other is near ({found.distances[found.base]:.3f} of its norm).",
         "[base]",
         f"file = {toml_value(found.base.name)}",
-        'licence = ""    # fill in: it is carried into every merged file',
+        '# licence = "..."    # fill in: it is carried into every merged file',
     ]
-    lines = [line.replace('licence = ""', '# licence = "..."') for line in lines]
     for path, key in zip(found.sources, _names(found.sources), strict=True):
         lines += ["", f"[sources.{key}]    # cosine to the base {found.cosines[path]:.3f}"]
         lines += [f"file = {toml_value(path.name)}", '# licence = "..."    # and what it was trained on']

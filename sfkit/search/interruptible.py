@@ -72,7 +72,7 @@ class InterruptibleEvaluator:
         return frozenset(key for key in keys if self.evaluator.store.get(key) is not None)
 
 
-class _Part:
+class _OneOf:
     """Follows the ``number``-th of ``count`` benchmarks: a recipe is done when it is done on all."""
 
     def __init__(self, monitor: Monitor, number: int, count: int) -> None:
@@ -96,7 +96,7 @@ def interruptible(scorer: Scorer, monitor: Monitor) -> Scorer:
         return InterruptibleEvaluator(scorer, monitor)
     if isinstance(scorer, CombinedScorer):
         count = len(scorer.evaluators)
-        parts = [interruptible(part, _Part(monitor, n, count)) for n, part in enumerate(scorer.evaluators)]
+        parts = [interruptible(part, _OneOf(monitor, n, count)) for n, part in enumerate(scorer.evaluators)]
         return scorer.over(parts)
     return scorer
 

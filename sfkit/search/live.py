@@ -203,7 +203,7 @@ class LiveSearch:
         """The thread: generations until done, a stop, or an error."""
         phase, error = Phase.STOPPED, None
         try:
-            with self.search.scored_by(interruptible(self.search.scorer, _Monitor(self))):
+            with self.search.scored_by(interruptible(self.search.scorer, _LiveMonitor(self))):
                 self._go()
         except _HaltError:
             self.search.request_stop()
@@ -254,7 +254,7 @@ class LiveSearch:
             self._enter(phase)
 
 
-class _Monitor:
+class _LiveMonitor:
     """Where the scorer reports its work."""
 
     def __init__(self, live: LiveSearch) -> None:

@@ -100,10 +100,10 @@ def train(task: TrainingTask, listen: Listener | None = None, score: Score | Non
         InputError: the state is another training's, or too many pairs cannot be read.
         SfkitError: the loss is no longer finite.
     """
-    return _Run(task, listen, score).run()
+    return _Training(task, listen, score).run()
 
 
-class _Run:
+class _Training:
     def __init__(self, task: TrainingTask, listen: Listener | None, score: Score | None) -> None:
         self.task, self.listen, self.score = task, listen, score
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
