@@ -69,7 +69,7 @@ def validation_sets(
     """
     few = len(experiment.validation)
     # As many pairs as the validation benchmark has: a larger guide would win by its size.
-    others = benchmarks or [b.first(min(len(b), few)) for b in experiment.reported]
+    others = benchmarks or [b.first(few) for b in experiment.reported]
     guides = (experiment.validation, *others)
     names = [guide.name for guide in guides]
     if len(set(names)) < len(names):
@@ -120,7 +120,7 @@ def _criteria(
     experiment: Experiment, criteria: Sequence[tuple[Benchmark, str]]
 ) -> dict[str, tuple[Benchmark, str]]:
     few = len(experiment.validation)
-    cut = [b.first(min(len(b), few)) for b in experiment.reported]
+    cut = [b.first(few) for b in experiment.reported]
     usual = [(one, one.metric) for one in (experiment.validation, *cut)]
     chosen = [(one, Metric.parse(metric).name) for one, metric in criteria or usual]
     # Equal criteria fall on one key, which the count below shows.

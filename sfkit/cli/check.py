@@ -27,7 +27,7 @@ def check(
     opened_benchmark = None
     if data is not None:
         whole = data.open()
-        opened_benchmark = whole.first(min(pairs, len(whole.pairs)))
+        opened_benchmark = whole.first(pairs)
     from sfkit.analysis import linear_paths
     from sfkit.evaluation import Evaluator
     from sfkit.evaluation.first_call import first_call
