@@ -43,6 +43,14 @@ def assert_becomes(page: Page, read: Callable[[], object], expected: object) -> 
     assert found == expected, f"found {found}, expected {expected}"
 
 
+def still_box(found: Locator) -> tuple[float, float, float, float]:
+    """Left, top, width and height of an element that is in view, at rest, and what the mouse would meet."""
+    found.hover(trial=True)
+    box = found.bounding_box()
+    assert box is not None
+    return box["x"], box["y"], box["width"], box["height"]
+
+
 def as_message(state: Mapping[str, object]) -> dict[str, Any]:
     """State as it travels to the fake model; refuses what is no JSON, such as NaN."""
     message: dict[str, Any] = json.loads(json.dumps(_coded(state), allow_nan=False))

@@ -16,13 +16,8 @@ Opened = Callable[..., Notebook]
 CELLS = ["from browser_probe import Probe\nprobe = Probe()\nprobe"]
 
 
-def theme_of(stage: Stage) -> tuple[str | None, str | None]:
-    """The theme the widget shows, and whose it is."""
-    return stage.root.get_attribute("data-theme"), stage.root.get_attribute("data-host")
-
-
 def wait_for_theme(stage: Stage, theme: str, host: str) -> None:
-    """Until the widget has followed."""
+    """Until the widget shows a theme, and whose it is."""
     stage.page.wait_for_selector(f".sfkit[data-theme='{theme}'][data-host='{host}']")
 
 
@@ -30,7 +25,7 @@ def wait_for_theme(stage: Stage, theme: str, host: str) -> None:
 def test_the_browser_s_preference_decides_where_no_host_does(stage: Open, dark: bool) -> None:
     shown = stage(dark=dark)
     shown.show_state(Probe())
-    assert theme_of(shown) == ("dark" if dark else "light", "browser")
+    wait_for_theme(shown, "dark" if dark else "light", "browser")
     shown.page.emulate_media(color_scheme="light" if dark else "dark")
     wait_for_theme(shown, "light" if dark else "dark", "browser")
 
@@ -52,46 +47,45 @@ def test_the_host_s_theme_is_followed(stage: Open) -> None:
 def test_a_theme_that_was_asked_for_stays(stage: Open) -> None:
     shown = stage(dark=True)
     shown.show_state(Probe(theme="light"))
-    assert theme_of(shown) == ("light", "other")
+    wait_for_theme(shown, "light", "other")
     shown.push(theme="dark")
-    assert theme_of(shown) == ("dark", "browser")
+    wait_for_theme(shown, "dark", "browser")
 
 
 def test_commands_are_carried_out_and_acknowledged(stage: Open) -> None:
     shown = stage()
     shown.show(Probe(start=5))
     shown.root.get_by_role("button", name="add").click()
-    shown.settled()
-    assert shown.root.locator("output").inner_text() == "7"
-    assert shown.root.get_attribute("data-acknowledged") == "1"
+    assert_becomes(shown.page, shown.root.locator("output").inner_text, "7")
+    assert_becomes(shown.page, lambda: shown.root.get_attribute("data-acknowledged"), "1")
 
 
 def test_of_a_drag_the_first_and_the_last_are_sent(stage: Open) -> None:
     shown = stage()
     shown.show(Probe())
     shown.root.get_by_role("button", name="drag").click()
+    assert_becomes(shown.page, shown.root.locator("output").inner_text, "5")
     shown.settled()
     assert [message["arguments"]["number"] for message in shown.messages()] == [1, 4]
-    assert shown.root.locator("output").inner_text() == "5"
 
 
 def test_an_error_is_an_alert_until_it_is_over(stage: Open) -> None:
     shown = stage()
     shown.show_state(Probe())
-    assert shown.root.get_by_role("alert").count() == 0
+    alert = shown.root.get_by_role("alert")
+    assert_becomes(shown.page, alert.count, 0)
     shown.push(error="<b>weights.pth</b>: no such file")
-    assert shown.root.get_by_role("alert").inner_text() == "<b>weights.pth</b>: no such file"
+    assert_becomes(shown.page, alert.inner_text, "<b>weights.pth</b>: no such file")
     shown.push(error="")
-    assert shown.root.get_by_role("alert").count() == 0
+    assert_becomes(shown.page, alert.count, 0)
 
 
 def test_without_a_kernel_the_last_state_shows_and_says_what_to_do(stage: Open) -> None:
     shown = stage()
     shown.show_state(Probe(), total=42)
-    assert shown.root.locator("output").inner_text() == "42"
+    assert_becomes(shown.page, shown.root.locator("output").inner_text, "42")
     shown.root.get_by_role("button", name="add").click()
-    shown.page.wait_for_selector(".sfkit-waiting:not([hidden])")
-    assert "run the cell that makes this widget" in shown.root.locator(".sfkit-waiting").inner_text()
+    shown.page.wait_for_selector(".sfkit-waiting:has-text('run the cell that makes this widget')")
 
 
 def test_after_a_restart_of_the_kernel_it_says_at_once_what_to_do(stage: Open) -> None:
@@ -118,8 +112,8 @@ def test_in_jupyterlab(lab: Opened) -> None:
     root = notebook.page.locator(".sfkit")
     root.get_by_role("button", name="add").click()
     assert_becomes(notebook.page, root.locator("output").inner_text, "2")
+    assert_becomes(notebook.page, lambda: notebook.evaluate("probe.total"), 2)
     notebook.settled()
-    assert notebook.evaluate("probe.total") == 2
     notebook.theme("JupyterLab Dark")
     notebook.page.wait_for_selector(".sfkit[data-theme='dark'][data-host='jupyter']")
     notebook.theme("JupyterLab Light")

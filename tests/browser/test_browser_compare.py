@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from browser_compare import HEIGHT, HOLE, WIDTH, panels, widget
-from browser_stage import Stage, assert_becomes
+from browser_stage import Stage, assert_becomes, still_box
 from numpy.typing import NDArray
 from sfkit_widgets._compare_scene import scene
 from sfkit_widgets.disparity_compare import DisparityCompare
@@ -87,9 +87,8 @@ def assert_colours(
 
 def drag(opened: Stage, key: str, start: tuple[float, float], end: tuple[float, float]) -> None:
     """Between two places of a panel, in shares of its size."""
-    box = opened.page.locator(f"canvas[data-panel='{key}']").bounding_box()
-    assert box is not None
-    places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in (start, end)]
+    left, top, width, height = still_box(opened.page.locator(f"canvas[data-panel='{key}']"))
+    places = [(left + x * width, top + y * height) for x, y in (start, end)]
     mouse = opened.page.mouse
     mouse.move(*places[0])
     mouse.down()
@@ -162,18 +161,17 @@ def test_better_is_blue_and_worse_orange_against_a(shown: Callable[..., Stage]) 
         found = advantage(reference.error, network.error, 1.0)
         expected = paint(found.difference, (-ADVANTAGE_SPAN, ADVANTAGE_SPAN), ERROR)
         assert_colours(opened, f"network {number}", expected)
-    captions = opened.root.locator("figure[data-panel='network 1'] figcaption").inner_text()
-    assert captions == "lumpy: better where\nagainst shift: 0.0 % fixed, 10.0 % broken"
-    assert "shift: error" in opened.root.locator("figure[data-panel='network 0']").inner_text()
+    said = "lumpy: better where\nagainst shift: 0.0 % fixed, 10.0 % broken"
+    assert_becomes(opened.page, text_of(opened, "figure[data-panel='network 1'] figcaption"), said)
+    opened.page.wait_for_selector("figure[data-panel='network 0']:has-text('shift: error')")
 
 
 def test_all_panels_zoom_at_the_mouse(shown: Callable[..., Stage]) -> None:
     opened = shown(shown="error")
     panel = opened.page.locator("canvas[data-panel='network 1']")
-    box = panel.bounding_box()
-    assert box is not None
+    *_, width, height = still_box(panel)
     # Over the lump, at column 36.5 and row 10.5 of the image.
-    place = {"x": box["width"] * 36.5 / WIDTH, "y": box["height"] * 10.5 / HEIGHT}
+    place = {"x": width * 36.5 / WIDTH, "y": height * 10.5 / HEIGHT}
     panel.click(position=place)
     for _ in range(13):
         opened.page.mouse.wheel(0, -120)
@@ -183,12 +181,14 @@ def test_all_panels_zoom_at_the_mouse(shown: Callable[..., Stage]) -> None:
         "y": 10.5 - (10.5 / HEIGHT - 0.5) * HEIGHT / zoom,
     }
     assert_told(opened, camera=pytest.approx({**centre, "zoom": zoom}, abs=0.2))
-    drawn(opened)
+
+    def seen() -> list[bool]:
+        even, lump = (colours(opened, f"network {number}")[:5] for number in (0, 1))
+        one = len(np.unique(even.reshape(-1, 3), axis=0)) == 1
+        return [one, bool((even[..., 2] > even[..., 0]).all()), bool((lump[..., 0] > lump[..., 2]).all())]
+
     # Every panel now shows the inside of the lump alone; the cursor is in the middle rows.
-    even, lump = (colours(opened, f"network {number}")[:5] for number in (0, 1))
-    assert len(np.unique(even.reshape(-1, 3), axis=0)) == 1
-    assert (even[..., 2] > even[..., 0]).all()
-    assert (lump[..., 0] > lump[..., 2]).all()
+    assert_becomes(opened.page, seen, [True, True, True])
 
 
 def test_the_wheel_scrolls_the_notebook_until_a_panel_is_clicked(shown: Callable[..., Stage]) -> None:
@@ -209,33 +209,36 @@ def test_dragging_pans_within_the_image(shown: Callable[..., Stage]) -> None:
     drag(opened, "left", (0.1, 0.5), (0.9, 0.5))
     # Beyond the edge; what shows stays inside.
     assert_told(opened, camera=pytest.approx({"x": 12 - 1.6 * WIDTH / 4 + 9, "y": 12, "zoom": 4}, abs=0.2))
-    drawn(opened)
-    edge = colours(opened, "truth")
-    np.testing.assert_array_equal(edge[:, 0], edge[:, 1])
+
+    def same() -> bool:
+        edge = colours(opened, "truth")
+        return np.array_equal(edge[:, 0], edge[:, 1])
+
+    assert_becomes(opened.page, same, True)
 
 
 def test_values_under_the_mouse(shown: Callable[..., Stage]) -> None:
     opened = shown()
     panel = opened.page.locator("canvas[data-panel='left']")
-    box = panel.bounding_box()
-    assert box is not None
-    panel.hover(position={"x": box["width"] * 35.5 / WIDTH, "y": box["height"] * 10.5 / HEIGHT})
+    *_, width, height = still_box(panel)
+    panel.hover(position={"x": width * 35.5 / WIDTH, "y": height * 10.5 / HEIGHT})
     truth = panels().truth[10, 35]
     assert_becomes(opened.page, text_of(opened, "caption"), "Values at the cursor: x 35, y 10")
-    assert values(opened) == {
+    expected = {
         "ground truth": [f"{truth:.2f}", "", ""],
         "shift": [f"{truth + 0.5:.2f}", "0.50", "0.00"],
         "lumpy": [f"{truth + 7:.2f}", "7.00", "+6.50"],
         "<i>broken</i>": [f"{truth:.2f}", "0.00", "−0.50"],
     }
+    assert_becomes(opened.page, lambda: values(opened), expected)
 
 
 def test_values_where_there_are_none(shown: Callable[..., Stage]) -> None:
     opened = shown(cursor=[3, 0])
-    assert values(opened)["ground truth"][0] == "none"
-    assert values(opened)["shift"] == ["3.50", "none", "0.00"]
+    assert_becomes(opened.page, lambda: values(opened)["ground truth"][0], "none")
+    assert_becomes(opened.page, lambda: values(opened)["shift"], ["3.50", "none", "0.00"])
     corner = shown(cursor=[WIDTH - 1, 0])
-    assert values(corner)["<i>broken</i>"] == ["not finite", "not finite", "not finite"]
+    assert_becomes(corner.page, lambda: values(corner)["<i>broken</i>"], ["not finite"] * 3)
 
 
 def test_everything_by_keyboard(shown: Callable[..., Stage]) -> None:
@@ -244,9 +247,8 @@ def test_everything_by_keyboard(shown: Callable[..., Stage]) -> None:
     opened.root.get_by_role("application").focus()
     for key in ("ArrowRight", "Shift+ArrowRight", "ArrowUp", "2", "+", "+"):
         press(key)
-    opened.page.wait_for_function("() => document.querySelector('[aria-live]').textContent.includes('x 31')")
-    said = opened.root.locator("[aria-live]").inner_text()
-    assert said.startswith(f"x 31, y 9: ground truth {panels().truth[9, 31]:.2f} px; shift ")
+    said = f"x 31, y 9: ground truth {panels().truth[9, 31]:.2f} px; shift "
+    assert_becomes(opened.page, lambda: text_of(opened, "[aria-live]")().startswith(said), True)
     assert_becomes(opened.page, text_of(opened, "output"), "144 %")
     # The point under the cursor stays where it is.
     camera = {"x": 31.5 + (WIDTH / 2 - 31.5) / 1.44, "y": 9.5 + (HEIGHT / 2 - 9.5) / 1.44, "zoom": 1.44}
@@ -266,9 +268,10 @@ def test_the_view_follows_the_cursor(shown: Callable[..., Stage]) -> None:
 
 def test_a_region_is_jumped_to_and_marked(shown: Callable[..., Stage]) -> None:
     opened = shown()
-    (button,) = opened.root.locator("ol button").all()
+    button = opened.root.locator("ol button")
     mean = (95 * 5 + 7) / 96
-    assert button.inner_text() == f"96 px beyond 1 px: mean {mean:.2f}, worst 7.00"
+    said = [f"96 px beyond 1 px: mean {mean:.2f}, worst 7.00"]
+    assert_becomes(opened.page, button.all_inner_texts, said)
     button.click()
     # 48 / 12 and 24 / 8 leave room for a zoom of 3 / 2.5; the centre as near (36, 10) as the edges let it.
     assert_told(opened, cursor=[35, 10], camera=pytest.approx({"x": 28, "y": 10, "zoom": 1.2}))
@@ -315,7 +318,7 @@ def test_who_wants_less_motion_is_not_blinked_at(stage: Open, tiny: DisparityCom
     opened.show_state(tiny, arrangement="blink")
     drawn(opened)
     button = opened.root.get_by_role("button", name="blink by itself")
-    assert button.get_attribute("aria-pressed") == "false"
+    assert_becomes(opened.page, lambda: button.get_attribute("aria-pressed"), "false")
 
 
 def test_the_colour_range_is_shared_and_labelled(shown: Callable[..., Stage]) -> None:
@@ -338,7 +341,7 @@ def test_another_pair_is_asked_of_python(stage: Open, tmp_path: Path) -> None:
     opened.root.get_by_role("combobox", name="pair").select_option("pair1")
     opened.page.wait_for_selector(".sfkit[data-pair='pair1']")
     opened.settled()
-    assert compare.scene["pair"] == "pair1"
+    assert_becomes(opened.page, lambda: compare.scene["pair"], "pair1")
     opened.root.get_by_role("button", name="error", exact=True).click()
     assert_becomes(opened.page, lambda: compare.shown, "error")
     opened.page.wait_for_selector(KEPT)
@@ -351,15 +354,14 @@ def test_a_pair_that_fails_leaves_the_last_one(stage: Open, tmp_path: Path) -> N
     opened.show(compare)
     (tmp_path / "pairs/pair1/left.png").unlink()
     opened.root.get_by_role("button", name="next pair").click()
-    opened.root.get_by_role("alert").wait_for()
-    assert "left.png" in opened.root.get_by_role("alert").inner_text()
+    opened.root.get_by_role("alert").filter(has_text="left.png").wait_for()
     assert_becomes(opened.page, opened.root.get_by_role("combobox", name="pair").input_value, "pair0")
 
 
 def test_a_saved_state_shows_and_can_be_explored_without_a_kernel(shown: Callable[..., Stage]) -> None:
     opened = shown(camera={"x": 36, "y": 10, "zoom": 4}, cursor=[35, 10], shown="error")
-    assert opened.root.locator("output").inner_text() == "400 %"
-    assert values(opened)["lumpy"][1] == "7.00"
+    assert_becomes(opened.page, text_of(opened, "output"), "400 %")
+    assert_becomes(opened.page, lambda: values(opened)["lumpy"][1], "7.00")
     opened.root.get_by_role("button", name="zoom in").click()
     assert_becomes(opened.page, text_of(opened, "output"), "480 %")
     assert {message["command"] for message in opened.messages()} <= {"look"}
@@ -369,8 +371,10 @@ def test_a_saved_state_shows_and_can_be_explored_without_a_kernel(shown: Callabl
 @pytest.mark.parametrize("width", [1280, 800, 420])
 def test_nothing_is_wider_than_its_place(shown: Callable[..., Stage], width: int) -> None:
     opened = shown(width=width, dark=width == 800, shown="better")
-    assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
-    assert opened.root.evaluate("(root) => root.scrollWidth <= root.clientWidth")
+    fits = (
+        f"(root) => document.documentElement.scrollWidth <= {width} && root.scrollWidth <= root.clientWidth"
+    )
+    assert_becomes(opened.page, lambda: opened.root.evaluate(fits), True)
 
 
 def test_names_are_text(shown: Callable[..., Stage]) -> None:

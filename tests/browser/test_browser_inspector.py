@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from browser_stage import Stage, assert_becomes
+from browser_stage import Stage, assert_becomes, still_box
 from sfkit_widgets import RoutingInspector
 from tiny import write_pairs, write_pool
 
@@ -65,6 +65,16 @@ def weights(shown: Stage) -> list[list[str]]:
     ]
 
 
+def assert_weights(shown: Stage, expected: list[list[str]], rows: slice = slice(None)) -> None:
+    """Assert that the cells of some rows come to say ``expected``."""
+    assert_becomes(shown.page, lambda: weights(shown)[rows], expected)
+
+
+def assert_holds(shown: Stage, read: Callable[[RoutingInspector], object], expected: object) -> None:
+    """Assert that the Python side comes to hold ``expected``."""
+    assert_becomes(shown.page, lambda: read(inspector(shown)), expected)
+
+
 def painted(shown: Stage) -> None:
     """Wait until the pictures of the last acknowledged command are there."""
     shown.settled()
@@ -98,29 +108,32 @@ def cell(shown: Stage, block: str, source: str) -> str:
 
 def test_dragging_a_weight_moves_its_row_and_the_pictures(shown: Stage) -> None:
     painted(shown)
-    before = pixels(shown, "disparity"), pixels(shown, "error"), pixels(shown, "ground truth")
-    box = shown.page.locator(cell(shown, "neck", "a")).bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    shows = ("disparity", "error", "ground truth")
+    before = [pixels(shown, caption) for caption in shows]
+    left, top, width, height = still_box(shown.page.locator(cell(shown, "neck", "a")))
+    x, y = left + width / 2, top + height / 2
     shown.page.mouse.move(x, y)
     shown.page.mouse.down()
     shown.page.mouse.move(x, y - 32, steps=4)
     shown.page.mouse.up()
+    # A third, and 32 of 160 pixels.
+    assert_weights(shown, [["0.33", "0.33", "0.33"], ["0.53", "0.23", "0.23"]], slice(2))
     painted(shown)
-    assert weights(shown)[1] == ["0.53", "0.23", "0.23"]  # a third, and 32 of 160 pixels
-    assert weights(shown)[0] == ["0.33", "0.33", "0.33"]
-    after = pixels(shown, "disparity"), pixels(shown, "error"), pixels(shown, "ground truth")
-    assert [old == new for old, new in zip(before, after, strict=True)] == [False, False, True]
+
+    def same() -> list[bool]:
+        return [pixels(shown, caption) == old for caption, old in zip(shows, before, strict=True)]
+
+    assert_becomes(shown.page, same, [False, False, True])
     shown.root.get_by_role("button", name="Undo").click()
-    shown.settled()
-    assert weights(shown)[1] == ["0.33", "0.33", "0.33"], "a drag is undone as one"
+    # A drag is undone as one.
+    assert_weights(shown, [["0.33", "0.33", "0.33"]] * 4)
     assert inspector(shown).error == ""
 
 
 def test_a_click_edits_nothing_and_selects(shown: Stage) -> None:
     shown.page.locator(cell(shown, "neck", "b")).click()
-    assert shown.messages() == []
     assert_becomes(shown.page, shown.root.get_by_role("button", name="Lock b in neck").is_enabled, True)
+    assert shown.messages() == []
 
 
 @pytest.mark.parametrize("typed", ["0.8", ",8", "80%"])
@@ -128,8 +141,7 @@ def test_typing_a_weight(shown: Stage, typed: str) -> None:
     shown.page.locator(cell(shown, "neck", "a")).focus()
     shown.page.keyboard.type(typed)
     shown.page.keyboard.press("Enter")
-    painted(shown)
-    assert weights(shown)[1] == ["0.80", "0.10", "0.10"]
+    assert_weights(shown, [["0.80", "0.10", "0.10"]], slice(1, 2))
     focused = "document.activeElement.getAttribute('aria-label')"
     assert_becomes(shown.page, lambda: shown.page.evaluate(focused), "neck, a: 0.800")
 
@@ -139,10 +151,10 @@ def test_what_is_no_weight_is_not_taken(shown: Stage) -> None:
     field = shown.root.get_by_role("textbox", name="Weight of a in neck")
     field.fill("1.2")
     field.press("Enter")
-    assert field.get_attribute("aria-invalid") == "true"
-    assert "type a number from 0 to 1" in shown.root.locator("[aria-live]").inner_text()
+    assert_becomes(shown.page, lambda: field.get_attribute("aria-invalid"), "true")
+    shown.page.wait_for_selector("[aria-live]:has-text('type a number from 0 to 1')", state="attached")
     field.press("Escape")
-    assert weights(shown)[1][0] == "0.33"
+    assert_weights(shown, [["0.33", "0.33", "0.33"]] * 4)
     assert shown.messages() == []
 
 
@@ -151,32 +163,25 @@ def test_everything_by_keyboard(shown: Stage) -> None:
     shown.page.locator("[role=grid] [tabindex='0']").focus()
     for key in ("ArrowDown", "ArrowRight", "+"):
         keys.press(key)
-    painted(shown)
-    assert weights(shown)[1] == ["0.31", "0.38", "0.31"]
+    neck = slice(1, 2)
+    assert_weights(shown, [["0.31", "0.38", "0.31"]], neck)
     keys.press("Shift+_")
     keys.press("l")
-    shown.settled()
-    assert (
-        shown.page.locator(cell(shown, "neck", "b")).get_attribute("aria-label") == "neck, b: 0.373, locked"
-    )
+    shown.root.get_by_label("neck, b: 0.373, locked", exact=True).wait_for()
     keys.press("ArrowLeft")
     keys.press("Delete")
-    shown.settled()
-    assert weights(shown)[1] == ["0.00", "0.37", "0.63"]
+    assert_weights(shown, [["0.00", "0.37", "0.63"]], neck)
     for _ in range(3):
         keys.press("ArrowUp")
     keys.press("Enter")
-    shown.settled()
-    assert [row[0] for row in weights(shown)] == ["–"] * 4
+    assert_becomes(shown.page, lambda: [row[0] for row in weights(shown)], ["–"] * 4)
     keys.press("Control+z")
     keys.press("Control+z")
-    shown.settled()
-    assert weights(shown)[1][0] == "0.31"
+    assert_weights(shown, [["0.31", "0.37", "0.31"]], neck)
     keys.press("Control+y")
-    shown.settled()
-    assert weights(shown)[1][0] == "0.00"
-    stops = shown.page.locator("[role=grid] [tabindex='0']")
-    assert stops.count() == 1, "the grid is one stop of the Tab key"
+    assert_weights(shown, [["0.00", "0.37", "0.63"]], neck)
+    # The grid is one stop of the Tab key.
+    assert_becomes(shown.page, shown.page.locator("[role=grid] [tabindex='0']").count, 1)
 
 
 def test_keys_that_come_faster_than_the_network_runs_all_count(shown: Stage) -> None:
@@ -186,78 +191,71 @@ def test_keys_that_come_faster_than_the_network_runs_all_count(shown: Stage) -> 
             element.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
     }"""
     shown.page.locator(cell(shown, "neck", "a")).evaluate(struck, ["+", 4])
-    shown.settled()
-    assert inspector(shown).weights[1][0] == pytest.approx(1 / 3 + 4 * 0.05)
+    assert_holds(shown, lambda held: held.weights[1][0], pytest.approx(1 / 3 + 4 * 0.05))
     slider = shown.root.get_by_role("slider", name="Module scale of neck")
     slider.evaluate(struck, ["ArrowRight", 5])
-    shown.settled()
-    assert inspector(shown).scales[1] == pytest.approx(1.25)
-    assert float(slider.input_value()) == pytest.approx(1.25)
+    assert_holds(shown, lambda held: held.scales[1], pytest.approx(1.25))
+    assert_becomes(shown.page, lambda: float(slider.input_value()), pytest.approx(1.25))
     sent = [message["command"] for message in shown.messages()]
     assert sent == ["weigh", "weigh", "scale", "scale"], "of a row of keys the first and the last"
     weight = shown.page.locator(cell(shown, "head", "b"))
     weight.evaluate(struck, ["+", 3])
     weight.evaluate(struck, ["l", 1])
-    shown.settled()
+    assert_holds(shown, lambda held: held.locked[3][1], True)
     assert inspector(shown).weights[3][1] == pytest.approx(1 / 3 + 3 * 0.05), "before the lock"
-    assert inspector(shown).locked[3][1]
     assert inspector(shown).error == ""
 
 
 def test_a_locked_weight_stays_and_cannot_be_dragged(shown: Stage) -> None:
     shown.page.locator(cell(shown, "head", "c")).click()
     shown.root.get_by_role("button", name="Lock c in head").click()
+    assert_holds(shown, lambda held: held.locked[3][2], True)
     shown.settled()
     shown.page.locator(cell(shown, "head", "c")).drag_to(shown.page.locator(cell(shown, "neck", "c")))
-    assert len(shown.messages()) == 1
     shown.page.locator(cell(shown, "head", "a")).focus()
     shown.page.keyboard.type("0.6\n")
-    shown.settled()
-    assert weights(shown)[3] == ["0.60", "0.07", "0.33"]
+    assert_weights(shown, [["0.60", "0.07", "0.33"]], slice(3, 4))
+    assert [message["command"] for message in shown.messages()] == ["lock", "weigh"]
 
 
 def test_what_if_a_source_were_gone(shown: Stage) -> None:
     name = shown.root.locator(".grid-source", has_text="b")
-    assert name.get_attribute("aria-label") == "b"
+    assert_becomes(shown.page, lambda: name.get_attribute("aria-label"), "b")
     name.click()
-    painted(shown)
-    assert weights(shown) == [["0.50", "–", "0.50"]] * 4
-    assert name.get_attribute("aria-label") == "b, taken out"
+    assert_weights(shown, [["0.50", "–", "0.50"]] * 4)
+    assert_becomes(shown.page, lambda: name.get_attribute("aria-label"), "b, taken out")
     name.click()
-    shown.settled()
-    assert weights(shown) == [["0.33", "0.33", "0.33"]] * 4
+    assert_weights(shown, [["0.33", "0.33", "0.33"]] * 4)
 
 
 def test_scales_by_mouse_keyboard_and_number(shown: Stage) -> None:
     painted(shown)
     before = pixels(shown, "disparity")
     slider = shown.root.get_by_role("slider", name="Module scale of neck, 0.25 to 1.75")
-    box = slider.bounding_box()
-    assert box is not None
-    slider.click(position={"x": box["width"] - 1, "y": box["height"] / 2})
-    painted(shown)
-    assert inspector(shown).scales[1] == pytest.approx(1.75)
-    assert pixels(shown, "disparity") != before
+    *_, width, height = still_box(slider)
+    slider.click(position={"x": width - 1, "y": height / 2})
+    assert_holds(shown, lambda held: held.scales[1], pytest.approx(1.75))
+    assert_becomes(shown.page, lambda: pixels(shown, "disparity") != before, True)
     slider.press("ArrowLeft")
-    shown.settled()
-    assert inspector(shown).scales[1] == pytest.approx(1.7)
+    assert_holds(shown, lambda held: held.scales[1], pytest.approx(1.7))
     number = shown.root.get_by_role("spinbutton", name="Module scale of neck")
     number.fill("0.5")
     number.press("Enter")
+    assert_holds(shown, lambda held: held.scales[1], 0.5)
+    assert_becomes(shown.page, lambda: slider.get_attribute("aria-valuetext"), "0.50")
     shown.settled()
-    assert inspector(shown).scales[1] == 0.5
-    assert slider.get_attribute("aria-valuetext") == "0.50"
     number.fill("3")
     number.press("Enter")
-    shown.settled()
-    alert = shown.root.get_by_role("alert").inner_text()
-    assert alert == "scale of 'neck': found 3, expected it from 0.25 to 1.75"
-    assert number.input_value() == "0.50", "what was refused gives way to the scale that holds"
+    said = "scale of 'neck': found 3, expected it from 0.25 to 1.75"
+    assert_becomes(shown.page, shown.root.get_by_role("alert").inner_text, said)
+    # What was refused gives way to the scale that holds.
+    assert_becomes(shown.page, number.input_value, "0.50")
+    left, *_, height = still_box(slider)
     centre = shown.root.locator(".scale-ticks i").nth(1).bounding_box()
     assert centre is not None
-    slider.click(position={"x": centre["x"] - box["x"] + 2, "y": box["height"] / 2})
-    shown.settled()
-    assert inspector(shown).scales[1] == 1.0, "the neutral mark catches the slider"
+    slider.click(position={"x": centre["x"] - left + 2, "y": height / 2})
+    # The neutral mark catches the slider.
+    assert_holds(shown, lambda held: held.scales[1], 1.0)
 
 
 def test_scrubbing_the_trials_of_a_search(
@@ -266,47 +264,41 @@ def test_scrubbing_the_trials_of_a_search(
     shown = stage()
     shown.show(RoutingInspector(evaluator, search=search))
     slider = shown.root.get_by_role("slider", name="Trial of the search")
-    assert "the best" in (slider.get_attribute("aria-valuetext") or "")
+    words = shown.root.locator(".trial-words")
+    the_best = "(slider) => (slider.getAttribute('aria-valuetext') ?? '').includes('the best')"
+    assert_becomes(shown.page, lambda: slider.evaluate(the_best), True)
     slider.press("Home")
-    painted(shown)
-    assert weights(shown) == [["0.33", "0.33", "0.33"]] * 4
-    assert (
-        shown.root.locator(".trial-words").inner_text().startswith("trial 0 of 0 to 8, iteration 0: bad-2.0 ")
-    )
+    assert_weights(shown, [["0.33", "0.33", "0.33"]] * 4)
+    first = "trial 0 of 0 to 8, iteration 0: bad-2.0 "
+    assert_becomes(shown.page, lambda: words.inner_text().startswith(first), True)
     slider.press("ArrowRight")
-    painted(shown)
-    assert inspector(shown).recipe == search.candidates[1].recipe
+    assert_holds(shown, lambda held: held.recipe, search.candidates[1].recipe)
     shown.root.get_by_role("button", name="Best").click()
-    painted(shown)
     assert search.best is not None
-    assert inspector(shown).recipe == search.best.recipe
+    assert_holds(shown, lambda held: held.recipe, search.best.recipe)
     shown.root.get_by_role("button", name="Equal weights").click()
-    painted(shown)
-    assert "edited by hand" in shown.root.locator(".trial-words").inner_text()
+    words.filter(has_text="edited by hand").wait_for()
 
 
 def test_without_a_search_there_is_nothing_to_scrub(shown: Stage) -> None:
-    assert shown.root.get_by_role("slider", name="Trial of the search").count() == 0
+    shown.page.locator(cell(shown, "neck", "a")).wait_for()
+    assert_becomes(shown.page, shown.root.get_by_role("slider", name="Trial of the search").count, 0)
 
 
 def test_pins_are_compared_and_blinked(shown: Stage) -> None:
     shown.root.get_by_role("button", name="Pin A").click()
     shown.page.locator(cell(shown, "neck", "a")).focus()
     shown.page.keyboard.type("1\n")
+    assert_weights(shown, [["1.00", "0.00", "0.00"]], slice(1, 2))
     shown.settled()
     shown.root.get_by_role("button", name="Score on all 2 pairs of pairs").click()
-    shown.settled()
-    inspector(shown).settle()
-    shown.page.wait_for_function("() => !document.querySelector('.scores').innerText.includes('scoring')")
-    said = f"pairs: bad-2.0 {inspector(shown).scores['value']:.2f} %"
-    assert_becomes(shown.page, shown.root.locator("[aria-live]").inner_text, said)
+    assert_holds(shown, lambda held: held.scores["state"], "known")
+    score = f"{inspector(shown).scores['value']:.2f} %"
+    live = shown.root.locator("[aria-live]")
+    assert_becomes(shown.page, live.inner_text, f"pairs: bad-2.0 {score}")
     shown.root.get_by_role("button", name="Pin B").click()
+    shown.root.get_by_role("table").filter(has_text=score).filter(has_text="the same").wait_for()
     painted(shown)
-    table = shown.root.get_by_role("table")
-    score = inspector(shown).scores["value"]
-    assert f"{score:.2f} %" in table.inner_text()
-    assert "the same" in table.inner_text()
-    assert pixels(shown, "disparity") != ""
     edited = pixels(shown, "disparity")
     shown.root.get_by_role("button", name="A", exact=True).click()
     shown.page.wait_for_selector("figcaption:has-text('disparity of A')")
@@ -326,8 +318,7 @@ def test_another_pair(shown: Stage) -> None:
     painted(shown)
     before = pixels(shown, "left image")
     shown.root.get_by_label("Image pair").select_option("pair1")
-    painted(shown)
-    assert inspector(shown).pair == "pair1"
+    assert_holds(shown, lambda held: held.pair, "pair1")
     assert_becomes(shown.page, lambda: pixels(shown, "left image") != before, True)
 
 
@@ -337,23 +328,22 @@ def test_recipes_are_loaded_and_networks_saved(
     shown.root.get_by_text("Recipe and network").click()
     text = shown.root.get_by_role("textbox", name="Recipe as JSON")
     pool = evaluator.pool
-    assert json.loads(text.input_value()) == pool.bound(pool.uniform()).document()
+    uniform = pool.bound(pool.uniform()).document()
+    assert_becomes(shown.page, lambda: json.loads(text.input_value() or "null"), uniform)
     text.fill(evaluator.pool.equal("c").to_json())
     shown.root.get_by_role("button", name="Load this text").click()
-    shown.settled()
-    assert weights(shown)[0] == ["0.00", "0.00", "1.00"]
+    assert_weights(shown, [["0.00", "0.00", "1.00"]] * 4)
     target = tmp_path / "merged.safetensors"
     shown.root.get_by_role("textbox", name="File for the merged network").fill(str(target))
     shown.root.get_by_role("button", name="Save network").click()
-    shown.settled()
-    assert sfkit.read_recipe(target) == inspector(shown).recipe
     shown.root.get_by_text(f"saved as {target}").wait_for()
+    assert sfkit.read_recipe(target) == inspector(shown).recipe
     text.fill("{}")
     shown.root.get_by_role("button", name="Load this text").click()
-    shown.settled()
-    assert "found format None" in shown.root.get_by_role("alert").inner_text()
+    shown.root.get_by_role("alert").filter(has_text="found format None").wait_for()
     shown.root.get_by_role("button", name="Copy").click()
-    assert text.input_value() == inspector(shown).recipe_json, "what is copied is the recipe"
+    # What is copied is the recipe.
+    assert_becomes(shown.page, text.input_value, inspector(shown).recipe_json)
 
 
 def test_an_error_comes_into_view(shown: Stage) -> None:
@@ -362,20 +352,18 @@ def test_an_error_comes_into_view(shown: Stage) -> None:
     shown.root.get_by_role("textbox", name="Recipe as JSON").fill("[]")
     load = shown.root.get_by_role("button", name="Load this text")
     load.click()
-    shown.settled()
-    alert = shown.root.get_by_role("alert").bounding_box()
-    assert alert is not None
-    assert 0 <= alert["y"] <= 400
-    said = shown.root.get_by_role("alert").inner_text()
-    assert said == "the pasted text: found a JSON list, expected the object that Recipe.to_json writes"
+    alert = shown.root.get_by_role("alert")
+    said = "the pasted text: found a JSON list, expected the object that Recipe.to_json writes"
+    assert_becomes(shown.page, alert.inner_text, said)
+    top = "(alert) => alert.getBoundingClientRect().top"
+    assert_becomes(shown.page, lambda: 0 <= alert.evaluate(top) <= 400, True)
 
 
 def test_tying_blocks(shown: Stage) -> None:
     shown.page.locator(cell(shown, "neck", "a")).focus()
     shown.page.keyboard.type("1\n")
     shown.root.get_by_role("checkbox", name="tie blocks").check()
-    shown.settled()
-    assert weights(shown) == [["0.50", "0.25", "0.25"]] * 4
+    assert_weights(shown, [["0.50", "0.25", "0.25"]] * 4)
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -385,11 +373,11 @@ def test_a_saved_notebook_shows_the_last_state(stage: Open, evaluator: sfkit.Eva
     widget.pin("A")
     shown = stage(dark=dark)
     shown.show_state(widget)
-    assert weights(shown)[1] == ["0.90", "0.05", "0.05"]
+    assert_weights(shown, [["0.90", "0.05", "0.05"]], slice(1, 2))
     images = shown.root.locator("figure img")
     widths = "all => all.map((image) => image.naturalWidth)"
     assert_becomes(shown.page, lambda: images.evaluate_all(widths), [96, 96, 96, 96])
-    assert shown.root.get_attribute("data-theme") == ("dark" if dark else "light")
+    shown.page.wait_for_selector(f".sfkit[data-theme='{'dark' if dark else 'light'}']")
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -411,7 +399,7 @@ def test_names_are_text_and_never_markup(stage: Open, evaluator: sfkit.Evaluator
     shown = stage()
     name = "<img src=x onerror=alert(1)>"
     shown.show_state(RoutingInspector(evaluator), sources=[name, "b", "c"], pairs=[name, "pair1"], flag=name)
-    assert shown.root.get_by_role("columnheader", name=name).count() == 1
+    assert_becomes(shown.page, shown.root.get_by_role("columnheader", name=name).count, 1)
     assert shown.root.locator("img[src=x]").count() == 0
 
 
@@ -423,20 +411,21 @@ def test_names_of_sources_are_whole_words_in_columns_that_all_show(
     names = ["photographic-noise", "uneven-exposure", "haze"]
     shown.show_state(RoutingInspector(evaluator), sources=names)
     grid = shown.root.locator(".grid-scroll")
-    assert grid.evaluate("(grid) => grid.scrollWidth - grid.clientWidth") == 0
-    lines = "(name) => Math.round(name.offsetHeight / parseFloat(getComputedStyle(name).lineHeight))"
-    found = [name.evaluate(lines) for name in shown.root.locator(".grid-name").all()]
-    assert all(n <= len(name.split("-")) for n, name in zip(found, names, strict=True)), found
+    overhang = "(grid) => grid.scrollWidth - grid.clientWidth"
+    assert_becomes(shown.page, lambda: grid.evaluate(overhang), 0)
+    lines = """names => names.map((name) =>
+        Math.round(name.offsetHeight / parseFloat(getComputedStyle(name).lineHeight))
+            <= name.textContent.split("-").length)"""
+    heads = shown.root.locator(".grid-name")
+    assert_becomes(shown.page, lambda: heads.evaluate_all(lines), [True] * len(names))
 
 
 @pytest.mark.parametrize("width", [1280, 800])
 def test_nothing_is_clipped(stage: Open, evaluator: sfkit.Evaluator, width: int) -> None:
     shown = stage(width=width)
     shown.show_state(RoutingInspector(evaluator))
-    overflow = shown.root.evaluate(
-        """(root) => [root, ...root.querySelectorAll("div, figure, table")]
-            .filter((e) => e.scrollWidth > e.clientWidth + 1 && !e.className.includes("unseen")
-                && getComputedStyle(e).overflowX !== "visible")
-            .map((e) => `${e.className}: ${e.scrollWidth} > ${e.clientWidth}`)"""
-    )
-    assert overflow == []
+    overflow = """(root) => [root, ...root.querySelectorAll("div, figure, table")]
+        .filter((e) => e.scrollWidth > e.clientWidth + 1 && !e.className.includes("unseen")
+            && getComputedStyle(e).overflowX !== "visible")
+        .map((e) => `${e.className}: ${e.scrollWidth} > ${e.clientWidth}`)"""
+    assert_becomes(shown.page, lambda: shown.root.evaluate(overflow), [])

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from browser_lab import Notebook
-from browser_stage import assert_becomes
+from browser_stage import assert_becomes, still_box
 
 pytestmark = pytest.mark.browser
 
@@ -33,22 +33,23 @@ BUSY = "while inspector.scales[1] != 0.5:\n    time.sleep(0.05)\nprint('left')"
 def drag(notebook: Notebook, label: str, up: float) -> None:
     """Drag a weight upwards by some pixels, from what it is when all before is done."""
     notebook.settled()
-    cell = notebook.page.locator(f"[role=gridcell][aria-label^='{label}:']")
-    cell.scroll_into_view_if_needed()
-    box = cell.bounding_box()
-    assert box is not None
-    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    left, top, width, height = still_box(notebook.page.locator(f"[role=gridcell][aria-label^='{label}:']"))
+    x, y = left + width / 2, top + height / 2
     notebook.page.mouse.move(x, y)
     notebook.page.mouse.down()
     notebook.page.mouse.move(x, y - up, steps=5)
     notebook.page.mouse.up()
+
+
+def assert_weighs(notebook: Notebook, block: str, expected: dict[str, float]) -> None:
+    """Assert that the kernel's recipe comes to have these weights in a block, whatever others it has."""
+
+    def held() -> dict[str, float]:
+        found: dict[str, float] = notebook.evaluate(f"inspector.recipe.of({block!r})[0]")
+        return {name: found[name] for name in expected}
+
+    assert_becomes(notebook.page, held, pytest.approx(expected))
     notebook.settled()
-
-
-def recipe(notebook: Notebook, block: str) -> dict[str, float]:
-    """The weights of one block in the kernel's recipe."""
-    found: dict[str, float] = notebook.evaluate(f"inspector.recipe.of({block!r})[0]")
-    return found
 
 
 def test_in_jupyterlab(lab: Opened) -> None:
@@ -56,21 +57,22 @@ def test_in_jupyterlab(lab: Opened) -> None:
     notebook.run_all()
     root = notebook.page.locator(".sfkit-inspector")
     root.get_by_role("button", name="Equal weights").click()
+    assert_weighs(notebook, "neck", {"a": 1 / 3, "b": 1 / 3, "c": 1 / 3})
     drag(notebook, "neck, a", up=32)
-    assert recipe(notebook, "neck") == pytest.approx({"a": 8 / 15, "b": 3.5 / 15, "c": 3.5 / 15})
+    assert_weighs(notebook, "neck", {"a": 8 / 15, "b": 3.5 / 15, "c": 3.5 / 15})
     root.locator("[role=gridcell][aria-label^='head, b:']").focus()
     for key in ("0", ".", "8", "Enter"):
         notebook.page.keyboard.press(key)
-    notebook.settled()
-    assert recipe(notebook, "head")["b"] == 0.8
+    assert_weighs(notebook, "head", {"b": 0.8})
     count = notebook.page.evaluate("window.jupyterapp.shell.currentWidget.content.widgets.length")
     assert count == 2, "JupyterLab did not take a key for its own"
     notebook.page.keyboard.press("Control+z")
-    notebook.settled()
-    assert recipe(notebook, "head")["b"] == pytest.approx(1 / 3)
+    assert_weighs(notebook, "head", {"b": 1 / 3})
     root.get_by_role("slider", name="Trial of the search").press("End")
+    last = "inspector.recipe == stage2.candidates[-1].recipe"
+    assert_becomes(notebook.page, lambda: notebook.evaluate(last), True)
+    root.locator(".trial-words:has-text('trial 8 of 0 to 8')").wait_for()
     notebook.settled()
-    assert notebook.evaluate("inspector.recipe == stage2.candidates[-1].recipe")
     notebook.theme("JupyterLab Dark")
     notebook.page.wait_for_selector(".sfkit-inspector[data-theme='dark']")
     notebook.theme("JupyterLab Light")
@@ -80,7 +82,8 @@ def test_in_jupyterlab(lab: Opened) -> None:
     notebook.page.wait_for_selector(".sfkit-inspector [role=gridcell]")
     assert_becomes(notebook.page, root.get_by_role("grid").inner_text, weights)
     drag(notebook, "neck, a", up=400)
-    assert recipe(notebook, "neck")["a"] == 1.0, "the widget is live again"
+    # The widget is live again.
+    assert_weighs(notebook, "neck", {"a": 1.0})
 
 
 def test_the_widget_answers_beside_a_busy_cell(lab: Opened) -> None:
@@ -113,13 +116,14 @@ def test_a_saved_notebook_shows_the_last_state_without_a_kernel(lab: Opened) -> 
     still = again.page.locator(".sfkit-still img")
     still.wait_for()
     again.page.wait_for_function("() => document.querySelector('.sfkit-still img').naturalWidth === 960")
-    assert again.page.get_by_text("model not found").is_hidden()
-    assert still.get_attribute("alt") == "Routing inspector, as it last looked"
+    again.page.get_by_text("model not found").wait_for(state="hidden")
+    assert_becomes(again.page, lambda: still.get_attribute("alt"), "Routing inspector, as it last looked")
 
 
 def test_in_notebook_7(notebook7: Opened) -> None:
     notebook = notebook7("inspector/seven.ipynb", [MAKE, SHOW])
     notebook.run_all()
     notebook.page.locator(".sfkit-inspector").get_by_role("button", name="Equal weights").click()
+    assert_weighs(notebook, "neck", {"a": 1 / 3})
     drag(notebook, "neck, a", up=32)
-    assert recipe(notebook, "neck")["a"] == pytest.approx(8 / 15)
+    assert_weighs(notebook, "neck", {"a": 8 / 15})

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from browser_lab import Notebook
+from browser_stage import assert_becomes
 
 pytestmark = pytest.mark.browser
 
@@ -75,7 +76,7 @@ def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -
     elsewhere = lab("search/watch.ipynb", WATCH)
     elsewhere.run_all()
     wait_for_generation(elsewhere, 3)
-    assert elsewhere.page.locator(".sfkit-control-buttons").is_hidden()
+    assert_becomes(elsewhere.page, elsewhere.page.locator(".sfkit-control-buttons").is_hidden, True)
 
     notebook.save()
     notebook.reload()
@@ -93,4 +94,5 @@ def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -
     pass_gate(notebook, 10)
     wait_for_phase(notebook, "finished")
     wait_for_generation(notebook, 5)
-    assert notebook.evaluate("[search.done, control.error, view.error]") == [True, "", ""]
+    said = "[search.done, control.error, view.error]"
+    assert_becomes(notebook.page, lambda: notebook.evaluate(said), [True, "", ""])
