@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, BrowserContext
 
 REQUIRE_ALL = os.environ.get("SFKIT_REQUIRE_ALL") == "1"
 DATA_FOLDERS = ("SFKIT_REAL_DATA", "SFKIT_GOLDENS")
@@ -31,6 +31,9 @@ CHROMIUM_FLAGS = (
     "--disable-component-update",
     "--disable-sync",
 )
+
+# What a page may take for anything it is waited for, in milliseconds; Playwright's own is half a minute.
+PATIENCE = 240_000
 
 # No deadlines: nothing in these tests may depend on how busy the machine is.
 hypothesis.settings.register_profile("sfkit", deadline=None, derandomize=REQUIRE_ALL)
@@ -92,9 +95,22 @@ def browser(chromium: Path) -> Iterator[Browser]:
         "playwright.sync_api", reason="install the extra: pip install sfkit[browser]"
     )
     with sync_api.sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=chromium, args=list(CHROMIUM_FLAGS))
-        yield running
+        running = playwright.chromium.launch(
+            executable_path=chromium, args=list(CHROMIUM_FLAGS), timeout=PATIENCE
+        )
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(running, "new_context", _patient(running.new_context))
+            yield running
         running.close()
+
+
+def _patient(new_context: Callable[..., BrowserContext]) -> Callable[..., BrowserContext]:
+    def patient(**options: Any) -> BrowserContext:
+        context = new_context(**options)
+        context.set_default_timeout(PATIENCE)
+        return context
+
+    return patient
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

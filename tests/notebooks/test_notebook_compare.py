@@ -86,6 +86,7 @@ def test_the_report_shows_all_views_without_a_kernel(browser: Browser, folder: P
         assert page.locator(".sfkit").count() == 4
         views = page.locator(".sfkit[data-pair='courtyard-01']")
         assert views.count() == 2
-        assert views.locator("canvas").count() == 5 + 3
+        canvases = "document.querySelectorAll('.sfkit[data-pair=courtyard-01] canvas')"
+        page.wait_for_function(f"() => {canvases}.length === 5 + 3")
         views.nth(1).get_by_role("button", name="side by side").click()
         views.nth(1).locator("canvas").nth(4).wait_for()

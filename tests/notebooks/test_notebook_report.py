@@ -132,7 +132,6 @@ def test_the_page_shows_every_figure_without_a_network(folder: Path, browser: Br
     noise: list[str] = []
     asked: list[str] = []
     page = context.new_page()
-    page.set_default_timeout(300_000)  # twenty figures take a busy machine long
     page.on("console", lambda message: noise.append(f"{message.type}: {message.text}"))
     page.on("pageerror", lambda error: noise.append(str(error)))
     page.on("request", lambda request: asked.append(request.url))

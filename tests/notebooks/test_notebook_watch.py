@@ -97,5 +97,5 @@ def test_the_report_shows_the_widgets_without_a_kernel(browser: Browser, folder:
         assert page.locator(".sfkit-control-phase").all_inner_texts() == ["finished"] * 4
         population = page.locator(".sfkit-population").first
         population.locator("[role=grid] [role=row]").first.hover()
-        assert population.get_by_text("candidate", exact=True).count() == 1
+        population.get_by_text("candidate", exact=True).wait_for()
         assert page.locator(".sfkit-routing .sfkit-routing-heat").count() == 2

@@ -128,7 +128,7 @@ def test_code_shows_on_request(pages: dict[str, Page]) -> None:
     code = page.locator(".code_cell .input").first
     assert not code.is_visible()
     page.get_by_label("Show code").check()
-    assert code.is_visible()
+    code.wait_for()
 
 
 def test_the_failing_cell_is_in_view_and_linked(pages: dict[str, Page]) -> None:

@@ -23,7 +23,7 @@ SMALL = {
     "generations": 2,
     "evaluations": 12,
 }
-WAIT = 300  # seconds until the first evaluations are there, on however busy a machine
+WAIT = 900  # seconds until the first evaluations are there, on however busy a machine
 
 
 def started(out: Path) -> subprocess.Popen[bytes]:

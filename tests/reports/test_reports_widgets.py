@@ -125,12 +125,14 @@ def test_widgets_are_drawn_without_a_network(browser: Browser, tmp_path: Path) -
     page.on("pageerror", lambda error: noise.append(str(error)))
     page.goto(path.as_uri())
     buttons = page.locator(".widget button")
+    says = """(texts) => texts.join() ===
+        [...document.querySelectorAll(".widget button")].map((button) => button.innerText).join()"""
     page.get_by_role("alert").wait_for()
-    assert buttons.all_inner_texts() == [f"{HOSTILE} 258", f"{HOSTILE} 258", "quoted 258"]
+    page.wait_for_function(says, arg=[f"{HOSTILE} 258", f"{HOSTILE} 258", "quoted 258"])
     assert buttons.first.evaluate("e => getComputedStyle(e).color") == "rgb(1, 2, 3)"
     assert page.get_by_role("alert").inner_text() == "This widget could not be drawn: Error: no"
     buttons.first.click()
-    assert buttons.all_inner_texts() == ["changed 258", "changed 258", "quoted 258"]
+    page.wait_for_function(says, arg=["changed 258", "changed 258", "quoted 258"])
     context.close()
     assert [url for url in asked if not url.startswith("data:")] == [path.as_uri()]
     assert noise == []
