@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
+import signal
 import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pytest
 import torch
 from safetensors.torch import save_file
 from tiny import write_pairs
 
+TRIES = 5
 PATIENCE = 600  # seconds; only a machine in trouble needs more for one evaluation
 TIMING = ["cached", "seconds"]  # what tells of this run, not of the search
 WORDS = (
@@ -111,6 +115,50 @@ class Run:
     def wait(self, pid: int) -> int:
         """Wait for its end; returns its exit code."""
         return int(self._searches.ask(wait=pid)["code"])
+
+    def kill_at(
+        self,
+        least: int,
+        *more: str,
+        below: int | None = None,
+        pause: float = 0.0,
+        look: Callable[[int], object] = lambda _: None,
+        **start: Any,
+    ) -> None:
+        """Start the search and kill -9 it once its store holds so many evaluations.
+
+        On a busy machine the kill may come too late: then it is done again, from where it was before.
+
+        Args:
+            least: evaluations in the store.
+            more: options of the search.
+            below: too late is also a store with so many.
+            pause: seconds before the kill.
+            look: called with the process's number, before the pause.
+            start: as for :meth:`start`.
+        """
+        before = self.folder.with_name(f"{self.name}-before")
+        if self.folder.exists():
+            shutil.copytree(self.folder, before)
+        for _ in range(TRIES):
+            pid = self.start(*more, **start)
+            self.await_rows(least, pid)
+            look(pid)
+            time.sleep(pause)
+            os.kill(pid, signal.SIGKILL)
+            killed = self.wait(pid) == -signal.SIGKILL
+            if killed and (below is None or self.count() < below):
+                shutil.rmtree(before, ignore_errors=True)
+                return
+            shutil.rmtree(self.folder)
+            if before.exists():
+                shutil.copytree(before, self.folder)
+        pytest.fail(f"the kill came too late {TRIES} times")
+
+    def await_store(self, pid: int) -> None:
+        """Wait until the store is there, or the process has ended."""
+        while not self.store.exists() and not ended(pid):
+            time.sleep(0.0005)
 
     def finish(self, pid: int | None = None, *more: str) -> dict[str, Any]:
         """Let it run to its end; what it printed."""

@@ -44,10 +44,7 @@ def test_a_clock_that_jumps_changes_nothing(searches: Searches, whole: Run) -> N
     """Every look at the wall clock is hours off, to either side, and a restart begins years earlier."""
     run = Run(searches, "clock")
     hour, year = 3600.0, 365 * 86400.0
-    pid = run.start(clock=[0, -2 * hour, 5 * hour, -9 * hour])
-    run.await_rows(8, pid)
-    os.kill(pid, 9)
-    assert run.wait(pid) == -9
+    run.kill_at(8, clock=[0, -2 * hour, 5 * hour, -9 * hour])
     run.finish(run.start(clock=[-3 * year, -3 * year - hour]))
     written = [row[3] for row in run.rows()]
     assert written != sorted(written), "it did jump"
@@ -117,10 +114,7 @@ def test_a_damaged_write_ahead_log_costs_evaluations_but_no_result(searches: Sea
     """After a kill the last evaluations lie in the log; SQLite drops what does not match its checksums."""
     expected = whole.rows()
     run = Run(searches, "log")
-    pid = run.start()
-    run.await_rows(len(expected) // 2, pid)
-    os.kill(pid, 9)
-    assert run.wait(pid) == -9
+    run.kill_at(len(expected) // 2)
     log = run.store.with_name(run.store.name + "-wal")
     data = bytearray(log.read_bytes())
     middle = len(data) // 2

@@ -63,11 +63,6 @@ def kill_between(run: Run, rng: random.Random, total: int) -> int:
 def test_a_search_killed_while_its_store_is_made_ends_bit_identically(searches: Searches, whole: Run) -> None:
     for number in range(5):
         run = Run(searches, f"early{number}")
-        pid = run.start()
-        while not run.store.exists():
-            time.sleep(0.0005)
-        time.sleep(number / 2000)
-        os.kill(pid, signal.SIGKILL)
-        assert run.wait(pid) == -signal.SIGKILL
+        run.kill_at(0, look=run.await_store, pause=number / 2000)
         run.finish()
         assert_same_end(run, whole)

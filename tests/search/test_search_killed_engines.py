@@ -10,13 +10,11 @@ from __future__ import annotations
 import os
 import random
 import shutil
-import signal
 import sqlite3
-import time
 from contextlib import closing
 
 import pytest
-from clusters import ENVIRONMENT, LEAVES_TO_THE_COLLECTOR, assert_all_end, descendants, two_nodes
+from clusters import ENVIRONMENT, LEAVES_TO_THE_COLLECTOR, Process, assert_all_end, descendants, two_nodes
 from faults_world import Run, Searches, assert_same_end, computed, content
 
 pytestmark = [
@@ -43,15 +41,19 @@ def test_a_killed_search_takes_the_ray_it_started_along(searches: Searches, whol
     # Ray's agents look for their cluster for a minute unless told otherwise.
     environment = {**ENVIRONMENT, "RAY_gcs_rpc_server_reconnect_timeout_s": "3"}
     run = Run(searches, "its own ray")
-    pid = run.start("--engine", "ray", "--workers", "2", environment=environment)
-    run.await_rows(1, pid)
-    started = descendants(pid)
-    os.kill(pid, signal.SIGKILL)
-    assert run.wait(pid) == -signal.SIGKILL
+    started: list[Process] = []
+    words = ("--engine", "ray", "--workers", "2")
+    run.kill_at(
+        1,
+        *words,
+        below=len(whole.rows()),
+        look=lambda pid: started.extend(descendants(pid)),
+        environment=environment,
+    )
     assert len(started) > 3, "the scheduler, its head, and two workers"
     assert_all_end(started)
     stored = run.count()
-    assert 0 < stored < len(whole.rows())
+    assert stored > 0
     assert computed(run.finish()) == len(whole.rows()) - stored
     assert_same_end(run, whole)
 
@@ -64,12 +66,10 @@ def killed_on_the_way(searches: Searches, whole: Run, engine: str, environment: 
         if len(kept) > total - 4:  # no room for another kill: from the start again
             shutil.rmtree(run.folder)
             kept = []
-        pid = run.start("--engine", engine, "--workers", "2", environment=environment)
         room = (total - 3 - len(kept)) // 5
-        run.await_rows(len(kept) + rng.randrange(1, max(room, 2)), pid)
-        time.sleep(rng.uniform(0, 0.003))
-        os.kill(pid, signal.SIGKILL)
-        assert run.wait(pid) == -signal.SIGKILL
+        least, pause = len(kept) + rng.randrange(1, max(room, 2)), rng.uniform(0, 0.003)
+        words = ("--engine", engine, "--workers", "2")
+        run.kill_at(least, *words, below=total, pause=pause, environment=environment)
         stored = run.rows()
         assert len(kept) < len(stored) < total
         assert stored[: len(kept)] == kept
