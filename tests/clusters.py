@@ -11,11 +11,25 @@ from typing import Any
 
 import pytest
 
-NODE = {"num_cpus": 1, "object_store_memory": 80 << 20, "node_ip_address": "127.0.0.1"}
+NODE = {
+    "num_cpus": 1,
+    "object_store_memory": 80 << 20,
+    "node_ip_address": "127.0.0.1",
+    "include_log_monitor": False,
+}
+HEAD = {**NODE, "include_dashboard": False, "no_monitor": True}
 
 ENVIRONMENT = {
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # keeps 127.0.0.1 for what it is
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
+    # Processes that nobody asks for: workers before there is work for them, and who would hear of metrics.
+    "RAY_enable_worker_prestart": "0",
+    "RAY_prestart_worker_first_driver": "0",
+    "RAY_enable_metrics_collection": "0",
+    # A node or worker that a busy machine keeps waiting is not dead.
+    "RAY_health_check_timeout_ms": "120000",
+    "RAY_worker_register_timeout_seconds": "600",
+    "RAY_agent_register_timeout_ms": "600000",
 }
 """What every process that takes part must have set."""
 
@@ -42,7 +56,7 @@ def two_nodes() -> Iterator[Any]:
         from ray.cluster_utils import Cluster
 
         before = set(descendants(os.getpid()))
-        cluster = Cluster(initialize_head=True, head_node_args={**NODE, "include_dashboard": False})
+        cluster = Cluster(initialize_head=True, head_node_args=HEAD)
         cluster.add_node(**NODE)
         try:
             yield cluster
