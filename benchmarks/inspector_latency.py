@@ -15,8 +15,8 @@ import os
 import sys
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from playwright.sync_api import Browser, sync_playwright
@@ -65,23 +65,11 @@ PAINTED = """() => {
 }"""
 
 
-@dataclass(frozen=True)
-class EditTimes:
-    """One pool: sizes in pixels, times in milliseconds, bytes an edit."""
-
-    pool: str
-    width: int
-    height: int
-    edits: int
-    first_median: float
-    first_p95: float
-    full_median: float
-    full_p95: float
-    kernel_median: float
-    received: float
+Row = dict[str, Any]
+"""One pool: sizes in pixels, times in milliseconds, bytes an edit."""
 
 
-def measured(browser: Browser, server: Server, name: str, cells: list[str], edits: int) -> EditTimes:
+def measured(browser: Browser, server: Server, name: str, cells: list[str], edits: int) -> Row:
     """Open a notebook with an inspector, edit one weight up and down, and time every edit."""
     server.write(f"{name}.ipynb", cells)
     context = browser.new_context(viewport={"width": 1280, "height": 1000})
@@ -108,15 +96,13 @@ def measured(browser: Browser, server: Server, name: str, cells: list[str], edit
         del received[before:]  # the question just asked is no part of the edit
     height, width = notebook.evaluate("inspector.size")
     context.close()
-    times = [float(end(values)) for values in (first, full) for end in (np.median, _p95)]
-    return EditTimes(name, width, height, edits, *times, float(np.median(kernel)), sum(received) / edits)
+    row: Row = {"pool": name, "width": width, "height": height, "edits": edits}
+    for key, times in {"first": first, "full": full, "kernel": kernel}.items():
+        row |= {f"{key}_median": float(np.median(times)), f"{key}_p95": float(np.percentile(times, 95))}
+    return {**row, "received": sum(received) / edits}
 
 
-def _p95(values: list[float]) -> float:
-    return float(np.percentile(values, 95))
-
-
-def measure(edits: int = 40) -> list[EditTimes]:
+def measure(edits: int = 40) -> list[Row]:
     """The embedded bank and, where its data is, the real AnyNet pool."""
     worlds = {"embedded bank": [BANK, SHOW]}
     if os.environ.get(DATA):
@@ -134,15 +120,20 @@ def measure(edits: int = 40) -> list[EditTimes]:
     return found
 
 
-def table(records: Sequence[EditTimes]) -> str:
+def table(records: Sequence[Row]) -> str:
     """The records as Markdown."""
     times = ("first picture, median", "95th percentile", "full size, median", "95th percentile")
     heads = ("pool", "image", *times, "network alone", "received an edit")
-    rows = []
-    for r in records:
-        times = (r.first_median, r.first_p95, r.full_median, r.full_p95, r.kernel_median)
-        size, bytes_ = f"{r.width}x{r.height}", f"{r.received / 1000:.0f} kB"
-        rows.append((r.pool, size, *(f"{time:.0f} ms" for time in times), bytes_))
+    keys = ("first_median", "first_p95", "full_median", "full_p95", "kernel_median")
+    rows = [
+        (
+            r["pool"],
+            f"{r['width']}x{r['height']}",
+            *(f"{r[key]:.0f} ms" for key in keys),
+            f"{r['received'] / 1000:.0f} kB",
+        )
+        for r in records
+    ]
     return numbers(heads, rows, 2)
 
 
@@ -153,16 +144,17 @@ def section() -> str:
     """The table, and whether the target was met."""
     records = measure()
     bank = records[0]
-    verdict = "under" if bank.first_median < TARGET else "above"
+    verdict = "under" if bank["first_median"] < TARGET else "above"
     return f"""## From an edit in the RoutingInspector to changed pixels
 
-`{shown("inspector_latency.py")}`: {bank.edits} edits of a routing weight by a key in JupyterLab, in headless
-Chromium beside its kernel on the same cores; from the browser's time stamp of the key to the second frame
-after the disparity picture was exchanged. Where the network is slow the first picture is at reduced size.
+`{shown("inspector_latency.py")}`: {bank["edits"]} edits of a routing weight by a key in JupyterLab, in
+headless Chromium beside its kernel on the same cores; from the browser's time stamp of the key to the second
+frame after the disparity picture was exchanged. Where the network is slow the first picture is at reduced
+size.
 
 {table(records)}
 
-The embedded bank's median is {bank.first_median:.0f} ms, {verdict} the target of {TARGET:.0f} ms."""
+The embedded bank's median is {bank["first_median"]:.0f} ms, {verdict} the target of {TARGET:.0f} ms."""
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 import torch
@@ -60,20 +61,6 @@ class SimulatedSearch:
     stage2: float
     merge: float
     vectors: int
-
-
-@dataclass(frozen=True)
-class WorkersRow:
-    """One case on one number of workers; idle is the share of workers' time that the barrier costs."""
-
-    case: str
-    workers: int
-    hours: float
-    idle: float
-    hours_shared: float
-    idle_shared: float
-    broadcast: float
-    memory: float
 
 
 @cache
@@ -146,62 +133,67 @@ def simulate(
     return wall, busy
 
 
-def run(case: SimulatedSearch, workers: int) -> WorkersRow:
-    """Both stages, with whole evaluations and with images shared out."""
+def run(case: SimulatedSearch, workers: int) -> dict[str, Any]:
+    """Both stages, whole evaluations and images shared out; idle: what the barrier costs of workers' time."""
     stages = ((generations(), case.stage1), (populations(DIMENSIONS), case.stage2))
 
     def spent(images: int, merge: float) -> tuple[float, float]:
-        """Hours, and the share of them that workers idle."""
         every = [simulate(*stage, workers, images=images, merge=merge) for stage in stages]
         wall, busy = (sum(column) for column in zip(*every, strict=True))
         return wall / 3600, max(0.0, 1 - busy / (wall * workers))
 
-    broadcast = case.vectors / FASTEST * math.ceil(math.log2(workers + 1))
-    times = (*spent(1, 0.0), *spent(case.images, case.merge))
-    return WorkersRow(case.name, workers, *times, broadcast, case.vectors / 2**30)
+    hours, idle = spent(1, 0.0)
+    hours_shared, idle_shared = spent(case.images, case.merge)
+    return {
+        "case": case.name,
+        "workers": workers,
+        "hours": hours,
+        "idle": idle,
+        "hours_shared": hours_shared,
+        "idle_shared": idle_shared,
+        "broadcast": case.vectors / FASTEST * math.ceil(math.log2(workers + 1)),
+        "memory": case.vectors / 2**30,
+    }
 
 
-def measure() -> list[WorkersRow]:
+def measure() -> list[dict[str, Any]]:
     """Every case on every number of workers."""
-    cases = (paper(), embedded())
-    return [run(case, workers) for case in cases for workers in WORKERS]
+    return [run(case, workers) for case in (paper(), embedded()) for workers in WORKERS]
 
 
-def table(rows: Sequence[WorkersRow]) -> str:
+COLUMNS = {
+    "search": "{case}",
+    "workers": "{workers}",
+    "hours": "{hours:.3g}",
+    "idle at the barrier": "{idle:.0%}",
+    "hours, images shared": "{hours_shared:.3g}",
+    "idle": "{idle_shared:.0%}",
+    "broadcast, s": "{broadcast:.2f}",
+    "vectors a worker, GiB": "{memory:.3f}",
+}
+
+
+def table(rows: Sequence[dict[str, Any]]) -> str:
     """The rows as a Markdown table."""
-    heads = ("search", "workers", "hours", "idle at the barrier", "hours, images shared", "idle")
-    cells = [
-        (
-            r.case,
-            r.workers,
-            f"{r.hours:.3g}",
-            f"{100 * r.idle:.0f} %",
-            f"{r.hours_shared:.3g}",
-            f"{100 * r.idle_shared:.0f} %",
-            f"{r.broadcast:.2f}",
-            f"{r.memory:.3f}",
-        )
-        for r in rows
-    ]
-    return numbers((*heads, "broadcast, s", "vectors a worker, GiB"), cells)
+    cells = ([shape.format(**row).replace("%", " %") for shape in COLUMNS.values()] for row in rows)
+    return numbers(list(COLUMNS), cells)
 
 
 def section() -> str:
     """The table, a picture, and what to build next."""
     rows = measure()
     curves = {}
-    for case in dict.fromkeys(row.case for row in rows):
-        of_case = [row for row in rows if row.case == case]
-        workers = [row.workers for row in of_case]
-        curves[f"{case}: whole evaluations"] = (workers, [100 * row.idle for row in of_case])
-        curves[f"{case}: images shared out"] = (workers, [100 * row.idle_shared for row in of_case])
-    many = next(row for row in rows if row.workers == 64)
-    most = next(row for row in reversed(rows) if row.case == many.case)
-    idle, rest = f"{100 * many.idle:.1f}", f"{100 * many.idle_shared:.1f}"
+    for case in dict.fromkeys(row["case"] for row in rows):
+        of_case = [row for row in rows if row["case"] == case]
+        for key, told in (("idle", "whole evaluations"), ("idle_shared", "images shared out")):
+            curves[f"{case}: {told}"] = (WORKERS, [100 * row[key] for row in of_case])
+    many = next(row for row in rows if row["workers"] == 64)
+    most = next(row for row in reversed(rows) if row["case"] == many["case"])
+    idle, rest = f"{100 * many['idle']:.1f}", f"{100 * many['idle_shared']:.1f}"
     figure = lines(
         curves,
         title="How much of the workers' time does the generation barrier cost?",
-        subtitle=f"{many.case}, 64 workers: {100 * many.idle:.0f} %, with images shared out {rest} %",
+        subtitle=f"{many['case']}, 64 workers: {100 * many['idle']:.0f} %, with images shared out {rest} %",
         x="workers",
         y="idle (%)",
         logarithmic=True,
@@ -209,7 +201,7 @@ def section() -> str:
     verdict = (
         "The rest is above 10 %, so what to build next is an asynchronous Stage 2 whose\nresults enter by "
         "candidate number, or larger populations where there are many workers."
-        if many.idle_shared > 0.1
+        if many["idle_shared"] > 0.1
         else "That is under 10 %:\nno asynchronous variant is needed up to there."
     )
     return f"""## Past this machine: 1 to 256 workers, simulated
@@ -225,7 +217,7 @@ tree.
 
 At 64 workers the barrier idles {idle} % of the paper's search while evaluations stay whole, and {rest} % with
 images shared out, which every engine does by itself. {verdict} Task vectors are no obstacle:
-{most.memory:.1f} GiB a worker, sent to {most.workers} in {most.broadcast:.0f} s."""
+{most["memory"]:.1f} GiB a worker, sent to {most["workers"]} in {most["broadcast"]:.0f} s."""
 
 
 if __name__ == "__main__":
