@@ -48,7 +48,7 @@ SEARCHES = {BANK: 12, REAL: 4}
 """Draws of validation pairs."""
 SIGMA = 0.5
 MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
-HANDED_OVER, NEAR = "model, then CMA-ES", "model, no far draws"
+HANDED_OVER, NEAR = "model, then CMA-ES", "model, nothing bold"
 BLOCKWISE = 4
 """Searches on the bank that are run with block-specific routing as well."""
 
@@ -103,7 +103,7 @@ def ways() -> dict[str, Way]:
     found: dict[str, Way] = {
         MODEL: model,
         CMA_ES: cma_es,
-        NEAR: partial(model, beta=1.0, far=0.0, patience=8),
+        NEAR: partial(model, far=0.0),
         HANDED_OVER: handed_over,
         ONE_MODEL: one_model,
     }
@@ -183,7 +183,7 @@ then Stage 2 over the subset it found, on windows of a few validation pairs draw
 points behind (above 0) or ahead (below 0) of what CMA-ES has after 300 evaluations of the same search:
 median and quartiles. Evaluations are those of Stage 2; what has no stages gets those of Stage 1 besides.
 `needs` is how many it takes for CMA-ES's score after 300, median over searches, beside how many got there.
-`model, no far draws` has further settings of its own: beta 1 and patience 8, for 2 and 4."""
+`model, nothing bold` stays in its region."""
 BLOCKWISE_HEAD = """### Block-specific routing
 
 The same searches with weights for every block of its own. Points against CMA-ES with tied weights after 300

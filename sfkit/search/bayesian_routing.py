@@ -25,7 +25,7 @@ length scale for the scale of each block, whose fits take several times as long.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,16 +46,22 @@ from sfkit.search.surrogate import (
     Prediction,
     Proposed,
     Surrogate,
-    features,
+    block_features,
+    by_block,
     known_records,
     learned,
-    recipe_features,
 )
 from sfkit.settings import between, positive, setting, whole
 from sfkit.streams import Stream, generator
 
 _DRAWN = 256
-_ROUNDS = 3
+_CLOSER = 3.0
+"""Each further round of draws is around the best so far, in a radius so many times smaller."""
+_NEAREST = 0.05
+_BOLD = 3
+"""Every so many candidates one is proposed boldly, whatever the region."""
+_REFIT = 3
+"""Candidates after which length scales and noise are fitted anew."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +71,13 @@ class BayesianRoutingSettings(RoutingSettings):
     Attributes:
         evaluations: 80 by default.
         batch: q, candidates proposed at a time.
-        beta: standard deviations that the bound lies below the mean.
+        beta: standard deviations that the bound of a bold proposal lies below the mean; half as many within
+            the region.
         sigma: first radius of the trust region, a standard deviation of x.
-        far: standard deviation of draws around x = 0 that compete with those of the region, by their bounds:
-            what is best may lie where no region would get to. 0 draws none.
-        patience: evaluations without a better one after which the region halves; half as many better ones
-            in a row double it.
+        far: every third proposal is bold: of draws around the best whose radii lie between 0.05 and this,
+            their logarithms evenly. 0 proposes none boldly.
+        patience: proposals within the region without a better one after which it halves; half as many better
+            ones in a row double it.
         smallest: radius below which a region ends, and the next begins at ``sigma``.
         holdout: 0 alone; population, converge, tolfun and tolx are CMA-ES's and not used here.
 
@@ -80,8 +87,8 @@ class BayesianRoutingSettings(RoutingSettings):
 
     evaluations: int = setting(80, help="Evaluations at most (N_eval).", check=whole(1))
     batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))
-    beta: float = setting(2.0, help="Deviations the bound lies below the mean.", check=between(0.0))
-    far: float = setting(1.5, help="Deviation of draws outside the region; 0 for none.", check=between(0.0))
+    beta: float = setting(2.0, help="Deviations a bold bound lies below the mean.", check=between(0.0))
+    far: float = setting(1.5, help="Largest radius of bold proposals; 0 for none.", check=between(0.0))
     patience: int = setting(4, help="Proposals without a gain that shrink the region.", check=whole(1))
     smallest: float = setting(0.02, help="Width of the region that ends the search.", check=positive)
 
@@ -146,10 +153,12 @@ class BayesianRoutingSearch(RoutingSearch):
             journal=journal,
         )
         self.known = tuple(known)
-        elsewhere = {name for entry in self.known for name in entry.recipe.sources} - set(self.sources)
-        self._names = (*self.sources, *sorted(elsewhere))
-        self._seen = recipe_features((k.recipe for k in self.known), self._names, self.blocks)
-        self._own = recipe_features((), self._names, self.blocks)
+        # Merges of other sources say little of how these are mixed, and their bad scores spoil the fit.
+        mine = [entry for entry in self.known if set(entry.recipe.sources) <= set(self.sources)]
+        self._others = tuple(mine)
+        self._seen = block_features((k.recipe for k in mine), self.sources, self.blocks)
+        self._own = block_features((), self.sources, self.blocks)
+        self._fitted: tuple[int, Surrogate] | None = None
 
     @property
     def population(self) -> int:
@@ -183,6 +192,10 @@ class BayesianRoutingSearch(RoutingSearch):
         )
         self._state = RoutingState(generation, (*state.candidates, *fresh), region)
 
+    def _bold(self, number: int) -> bool:
+        """Whether the candidate of this number is proposed whatever the region."""
+        return self.settings.far > 0.0 and number % _BOLD == _BOLD - 1
+
     def _region(self) -> Distribution:
         """The trust region: around the best, as wide as the course of the search says."""
         best, radius = self.best, self.settings.sigma
@@ -190,7 +203,7 @@ class BayesianRoutingSearch(RoutingSearch):
         for candidate in self._state.candidates:
             better = candidate.fitness < lowest
             lowest = min(lowest, candidate.fitness)
-            if candidate.origin != "sample":
+            if candidate.origin != "sample" or self._bold(candidate.number):
                 continue
             good, bad = (good + 1, 0) if better else (0, bad + 1)
             if 2 * good >= self.settings.patience:
@@ -210,51 +223,72 @@ class BayesianRoutingSearch(RoutingSearch):
         centre = np.array(region.mean)
         vectors: list[Vector] = []
         told: list[Prediction | None] = []
-        for _ in range(count):
+        for number in range(len(self._state.candidates), len(self._state.candidates) + count):
             if model is None:
                 x, prediction = centre + region.sigma * rng.standard_normal(centre.size), None
             else:
                 if vectors:
                     model = model.believing(self._points(vectors[-1][None, :]))
-                x, prediction = self._acquired(model, centre, region.sigma, rng)
+                x, prediction = self._acquired(model, region, rng, bold=self._bold(number))
             vectors.append(x)
             told.append(prediction)
         return vectors, told
 
     def _acquired(
-        self, model: Surrogate, centre: Vector, radius: float, rng: np.random.Generator
+        self, model: Surrogate, region: Distribution, rng: np.random.Generator, *, bold: bool
     ) -> tuple[Vector, Prediction]:
-        """The smallest bound among draws in and outside the region, then nearer and nearer around it."""
-        beta, far = self.settings.beta, self.settings.far
-        around, reach, found = centre, radius, (math.inf, math.inf, math.inf)
-        chosen = centre
-        for turn in range(_ROUNDS):
-            draws = around + reach * rng.standard_normal((_DRAWN, centre.size))
+        """The smallest bound among draws in the region, or far and near, then nearer and nearer around it."""
+        around, found = np.array(region.mean), (math.inf, math.inf, math.inf)
+        beta = self.settings.beta / (1.0 if bold else 2.0)
+        radii = [np.array(region.sigma) / _CLOSER**n for n in range(3)]
+        if bold:
+            far = self.settings.far
+            ends = (math.log(min(_NEAREST, far)), math.log(far))
+            radii = [
+                np.exp(rng.uniform(*ends, (2 * _DRAWN, 1))),
+                *(np.array(_CLOSER**-n) for n in (1, 2, 3)),
+            ]
+        chosen = around
+        for turn, radius in enumerate(radii):
+            count = radius.size if radius.ndim else _DRAWN
+            draws = chosen + radius * rng.standard_normal((count, around.size))
             if turn == 0:  # some move along a few axes alone
-                draws = np.where(rng.random(draws.shape) < rng.random((_DRAWN, 1)), draws, around)
-                if far:
-                    draws = np.concatenate([draws, far * rng.standard_normal(draws.shape)])
+                draws = np.where(rng.random(draws.shape) < rng.random((count, 1)), draws, around)
             mean, sd, bound = model.bounds(self._points(draws), beta)
             bound = bound + self._penalties(draws)
             first = int(np.argmin(bound))
             if bound[first] < found[2]:
                 chosen, found = draws[first], (float(mean[first]), float(sd[first]), float(bound[first]))
-            around, reach = chosen, reach / 3.0
         return chosen, Prediction(*found)
 
     def _model(self) -> Surrogate | None:
-        """What this search's candidates and everything scored before tell; None where nothing has a score."""
+        """What this search's candidates and everything scored before tell; None where nothing has a score.
+
+        Length scales and noise are those of the last count of candidates that ``_REFIT`` divides: a search
+        that was interrupted since finds the same.
+        """
         own = [candidate for candidate in self._state.candidates if not candidate.repeated]
-        met = {candidate.recipe for candidate in own}
-        others = [n for n, entry in enumerate(self.known) if entry.recipe not in met]
-        scores = np.array([*(c.score for c in own), *(self.known[n].score for n in others)])
+        # Of the new ones alone: no candidate is ever taken back, so that features of those before stay.
+        more = block_features((c.recipe for c in own[len(self._own[0]) :]), self.sources, self.blocks)
+        self._own = tuple(np.concatenate(groups) for groups in zip(self._own, more, strict=True))
+        points, scores = self._learned_from(own)
         if len(scores) < 2 or not np.isfinite(scores).any():
             return None
-        # Of the new ones alone: no candidate is ever taken back, so that features of those before stay.
-        more = recipe_features((c.recipe for c in own[len(self._own[0]) :]), self._names, self.blocks)
-        self._own = tuple(np.concatenate(groups) for groups in zip(self._own, more, strict=True))
-        seen = tuple(group[others] for group in self._seen)
-        return learned(tuple(np.concatenate(groups) for groups in zip(self._own, seen, strict=True)), scores)
+        count = len(own) if len(own) < _REFIT else len(own) - len(own) % _REFIT
+        if self._fitted is None or self._fitted[0] != count:
+            before, known = self._learned_from(own[:count])
+            if len(known) < 2 or not np.isfinite(known).any():
+                return learned(points, scores, knee=own[0].score)
+            self._fitted = count, learned(before, known, knee=own[0].score)
+        return learned(points, scores, knee=own[0].score, like=self._fitted[1])
+
+    def _learned_from(self, own: Sequence[RoutingCandidate]) -> tuple[Points, Array]:
+        """Features and scores of these candidates, and of what else is known."""
+        met = {candidate.recipe for candidate in own}
+        others = [n for n, entry in enumerate(self._others) if entry.recipe not in met]
+        scores = np.array([*(c.score for c in own), *(self._others[n].score for n in others)])
+        groups = zip(self._own, self._seen, strict=True)
+        return tuple(np.concatenate([a[: len(own)], b[others]]) for a, b in groups), scores
 
     def _points(self, draws: Array) -> Points:
         """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""
@@ -262,16 +296,15 @@ class BayesianRoutingSearch(RoutingSearch):
         logits = encoding.logits(draws)
         # As softmax does it for one recipe: the largest power is 1, so that none overflows.
         powers = np.exp(logits - logits.max(axis=2, keepdims=True))
-        rows = np.zeros((len(draws), len(self.blocks), len(self._names)))
+        rows = np.full((len(draws), len(self.blocks), count), 1.0 / count)
         scales = np.ones((len(draws), len(self.blocks)))
-        rows[:, :, :count] = 1.0 / count
         free = [self.blocks.index(block) for block in encoding.free]
         moved = slice(None) if encoding.tied else free
-        rows[:, moved, :count] = powers / powers.sum(axis=2, keepdims=True)
+        rows[:, moved] = powers / powers.sum(axis=2, keepdims=True)
         if encoding.scaled:
             half = (encoding.gamma[1] - encoding.gamma[0]) / 2.0
             scales[:, free] = 1.0 + half * np.tanh(draws[:, -len(free) :] / 2.0)
-        return features(rows, scales)
+        return by_block(rows, scales)
 
     def _penalties(self, draws: Array) -> Array:
         """What F(x) adds to the score of each vector (eq. 13, and the shrinkage)."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,18 +80,73 @@ def features(rows: Array, scales: Array) -> Points:
     return mean, apart, scales / math.sqrt(blocks)
 
 
+def by_block(rows: Array, scales: Array) -> Points:
+    """What the model of Stage 2 sees of m recipes: a group for each block, that of its coefficients.
+
+    A block's merged task vector is the sum of its sources' by scale times weight, so that two recipes are as
+    near in a block as these are; each block has a length scale of its own, as it changes the score.
+
+    Args:
+        rows: routing weights, (m, B, N).
+        scales: module scales, (m, B).
+
+    Returns:
+        B groups, (m, N).
+    """
+    return tuple(np.moveaxis(rows * scales[:, :, None], 1, 0))
+
+
 def recipe_features(recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]) -> Points:
-    """The features of recipes over some of these sources."""
+    """The features of recipes over some of these sources, as :func:`features`."""
+    return features(*rows_and_scales(recipes, sources, blocks))
+
+
+def block_features(recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]) -> Points:
+    """The features of recipes over some of these sources, as :func:`by_block`."""
+    return by_block(*rows_and_scales(recipes, sources, blocks))
+
+
+def rows_and_scales(
+    recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]
+) -> tuple[Array, Array]:
+    """Routing weights (m, B, N) and module scales (m, B) of recipes over some of these sources."""
     rows: list[list[list[float]]] = []
     scales: list[list[float]] = []
     for recipe in recipes:
         parts = [recipe.of(block) for block in blocks]
         rows.append([[weights.get(source, 0.0) for source in sources] for weights, _ in parts])
         scales.append([scale for _, scale in parts])
-    return features(
+    return (
         np.array(rows, dtype=np.float64).reshape(len(rows), len(blocks), len(sources)),
         np.array(scales, dtype=np.float64).reshape(len(rows), len(blocks)),
     )
+
+
+@dataclass(frozen=True)
+class Bend:
+    """Scores above a knee drawn together logarithmically: how bad a bad one is says little of the good ones.
+
+    Attributes:
+        knee: up to here scores stay as they are.
+        unit: above 0; so far above the knee a step counts half.
+    """
+
+    knee: float = math.inf
+    unit: float = 1.0
+
+    def __call__(self, scores: Array) -> Array:
+        """Bent scores."""
+        over = np.maximum(scores - self.knee, 0.0)
+        return np.minimum(scores, self.knee) + self.unit * np.log1p(over / self.unit)
+
+    def undone(self, bent: Array) -> Array:
+        """Scores again."""
+        over = np.maximum(bent - self.knee, 0.0)
+        return np.minimum(bent, self.knee) + self.unit * np.expm1(over / self.unit)
+
+    def slope(self, bent: Array) -> Array:
+        """What one unit of the bent score is there, in scores."""
+        return np.exp(np.maximum(bent - self.knee, 0.0) / self.unit)
 
 
 @dataclass(frozen=True)
@@ -101,46 +156,64 @@ class Surrogate:
     Attributes:
         process: the fitted model.
         groups: the feature groups it looks at.
+        bend: of the scores it learned from.
     """
 
     process: GaussianProcess
     groups: tuple[int, ...]
+    bend: Bend = Bend()
 
     def predict(self, points: Points) -> tuple[Array, Array]:
         """Mean and standard deviation of m recipes' scores, in the metric's unit."""
-        return self.process.predict(self._seen(points))
+        mean, sd = self.process.predict(self._seen(points))
+        return self.bend.undone(mean), sd * self.bend.slope(mean)
 
     def believing(self, points: Points) -> Surrogate:
         """The same, believing its own mean at these points."""
-        return Surrogate(self.process.believing(self._seen(points)), self.groups)
+        return replace(self, process=self.process.believing(self._seen(points)))
 
     def bounds(self, points: Points, beta: float) -> tuple[Array, Array, Array]:
         """Mean, standard deviation and lower confidence bound mean - beta * sd, (m,) each.
 
-        The bound is rounded to some 9 digits of the signal's deviation, so that what differs by rounding
-        alone ties, and a tie goes to the earlier.
+        The bound is taken of bent scores, and rounded to some 9 digits of the signal's deviation, so that
+        what differs by rounding alone ties, and a tie goes to the earlier.
         """
-        mean, sd = self.predict(points)
+        mean, sd = self.process.predict(self._seen(points))
         unit = 1e-9 * math.sqrt(self.process.variance)
-        return mean, sd, np.round((mean - beta * sd) / unit) * unit
+        bound = np.round((mean - beta * sd) / unit) * unit
+        return self.bend.undone(mean), sd * self.bend.slope(mean), self.bend.undone(bound)
 
     def _seen(self, points: Points) -> Points:
         return tuple(points[group] for group in self.groups)
 
 
-def learned(points: Points, scores: Array) -> Surrogate:
+def learned(
+    points: Points, scores: Array, *, knee: float = math.inf, like: Surrogate | None = None
+) -> Surrogate:
     """The model of what was scored; a score that is not finite counts as the worst that is.
 
     Args:
         points: features of n >= 2 recipes.
         scores: (n,), at least one of them finite.
+        knee: scores above are drawn together (:class:`Bend`), by what the best lies below it.
+        like: a model whose length scales and noise are taken, rather than fitted.
     """
     finite = np.isfinite(scores)
     values = np.where(finite, scores, np.max(scores[finite]))
     kept = np.sort(np.argsort(values, kind="stable")[:LARGEST])
     chosen = tuple(group[kept] for group in points)
+    bend = _bend(values, knee)
+    if like is not None:
+        told = tuple(chosen[g] for g in like.groups)
+        return Surrogate(fit(told, bend(values[kept]), like=like.process), like.groups, bend)
     # Where no point differs in a group its length scale has no bearing on the evidence: a climb along it
     # would find ties alone.
     spread = [float(np.max(np.ptp(group, axis=0), initial=0.0)) for group in chosen]
     groups = tuple(g for g, width in enumerate(spread) if width > 0.0) or (0,)
-    return Surrogate(fit(tuple(chosen[g] for g in groups), values[kept]), groups)
+    return Surrogate(fit(tuple(chosen[g] for g in groups), bend(values[kept])), groups, bend)
+
+
+def _bend(values: Array, knee: float) -> Bend:
+    """What bends above the knee by what the best gains on it, or a twentieth of it where that is more."""
+    unit = max(knee - float(values.min()), 0.05 * abs(knee))
+    return Bend(knee, unit) if 0.0 < unit < math.inf else Bend()
