@@ -1,24 +1,24 @@
 """Stage 2 by Bayesian optimisation: a model of the score over weights and scales proposes what to score.
 
 What Stage 1 evaluated of these sources is of the same space, all scales 1, so that the model knows something
-before the first evaluation of Stage 2. It sees each block by the coefficients of its task vectors, scale times
-weight, with a length scale a block; scores worse than that of x = 0 are drawn together logarithmically, since
-how bad they are says little of where the best is. Proposals come from a trust region around the best so far
-that grows while it finds something and shrinks while it does not (Eriksson et al. 2019, TuRBO); one that has
-become too small begins again at its first size, the model keeping all it knows. Every third proposal is bold,
-of draws near and far around the best by a lower bound: a region alone stays where CMA-ES finds scales far
-from 1 (``benchmarks/stage2.py``).
+before the first evaluation of Stage 2. It sees a block by the coefficients of its task vectors, scale times
+weight, with a length scale a block; scores worse than that of x = 0 are drawn together logarithmically: how
+bad they are says little of where the best is. Proposals come from a trust region around the best so far that
+grows while it finds something and shrinks while it does not (Eriksson et al. 2019, TuRBO); one that is too
+small begins again at its first size, the model keeping all it knows. Every third proposal is bold, of draws
+near and far around the best: a region alone stays where CMA-ES finds scales far from 1.
 
 Measured on the bank with 6 to 9 entries of x, tied routing over two to five sources, in twelve searches whose
 pairs no choice was made by: at the median the model needs 57 evaluations for what CMA-ES has after 300; seven
-get there within 61, five not with 100, of which two are 0.9 and 1.8 points behind.
+get there within 61, five not with 100, of which two are 0.9 and 1.8 points behind
+(``benchmarks/stage2.py``).
 
-Tried on ten other draws of the bank's pairs and not kept; points behind CMA-ES after 60 evaluations. A model of
-weights and scales apart, of all Stage 1 scored, unbent: 0.55 at the median of five, 0.04 by coefficients. No
-region, but draws near and far by three bounds in turn: 0.55 at the mean of six, 0.10 with it. A region that
-begins at 0.7, with more patience: 0.56. Draws around x = 0 at any proposal, as before: they find a deep narrow
-valley at a weight of 0.95 of a made-up landscape within 30 evaluations, which bold proposals do not within 50;
-on the bank they took 89 evaluations at the median.
+Tried on ten other draws of the bank's pairs and not kept; points behind CMA-ES after 60 evaluations. A model
+of weights and scales apart, of all Stage 1 scored, unbent: 0.55 at the median of five, 0.04 by coefficients.
+No region, but draws near and far by three bounds in turn: 0.55 at the mean of six, 0.10 with it. A region
+that begins at 0.7, with more patience: 0.56. Draws around x = 0 at any proposal, as before: on a made-up one
+they find a deep narrow valley at a weight of 0.95 within 30 evaluations, which bold proposals do not within
+50; on the bank they took 89 evaluations at the median.
 """
 
 from __future__ import annotations
