@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Collection, Iterable
-from typing import Any
+from enum import StrEnum
+from typing import Any, TypeVar
+
+Choice = TypeVar("Choice", bound=StrEnum)
 
 
 class SfkitError(Exception):
@@ -44,6 +47,16 @@ def ensure_known(kind: str, name: object, allowed: Collection[Any]) -> None:
     """
     if name not in allowed:
         raise unknown_name(kind, str(name), allowed)
+
+
+def member_of(choices: type[Choice], kind: str, name: object) -> Choice:
+    """The member of an enumeration that is called ``name``, or is it.
+
+    Raises:
+        InputError: as :func:`unknown_name` says it.
+    """
+    ensure_known(kind, name, tuple(choices))
+    return choices(str(name))
 
 
 class SfkitWarning(UserWarning):

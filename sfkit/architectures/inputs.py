@@ -15,7 +15,7 @@ import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
 
-from sfkit.errors import InputError, ensure_known
+from sfkit.errors import InputError, member_of
 
 Map = TypeVar("Map", torch.Tensor, NDArray[np.float32])
 
@@ -82,10 +82,9 @@ class InputConvention:
         Raises:
             InputError: an unknown side, or a multiple below 1.
         """
-        ensure_known("padding side", self.sides, tuple(PadSides))
+        object.__setattr__(self, "sides", member_of(PadSides, "padding side", self.sides))
         if self.multiple < 1:
             raise InputError(f"multiple is {self.multiple}, expected what height and width are divisible by")
-        object.__setattr__(self, "sides", PadSides(self.sides))
 
     def describe(self) -> dict[str, Any]:
         """Plain values for the evaluation's key."""

@@ -8,7 +8,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from sfkit.checkpoints.headers import SAFETENSORS, WRITTEN_SUFFIXES
-from sfkit.errors import InputError, ensure_known
+from sfkit.errors import InputError, member_of
 from sfkit.files import ensure_writable
 
 
@@ -19,23 +19,13 @@ class FileForm(StrEnum):
     ORIGINAL = "original"  # a torch file in the base checkpoint's layout
 
 
-def form_of(form: FileForm | str) -> FileForm:
-    """A form by its name.
-
-    Raises:
-        InputError: there is no such form.
-    """
-    ensure_known("form", form, tuple(FileForm))
-    return FileForm(form)
-
-
 def check_target(path: str | Path, form: FileForm | str, *, overwrite: bool) -> Path:
     """Refuse an output path before any work is done for it.
 
     Raises:
         InputError: as :func:`sfkit.checkpoints.writing.write_checkpoint` says.
     """
-    form = form_of(form)
+    form = member_of(FileForm, "form", form)
     endings = (SAFETENSORS,) if form is FileForm.SAFETENSORS else WRITTEN_SUFFIXES
     other = next((f.value for f in FileForm if f is not form), "")
     advice = f"name it so, or ask for form={other!r}"

@@ -13,8 +13,8 @@ from safetensors import SafetensorError
 from safetensors.torch import save_file
 
 from sfkit.checkpoints.layouts import OWN, Layout
-from sfkit.checkpoints.targets import FileForm, check_target, form_of
-from sfkit.errors import InputError
+from sfkit.checkpoints.targets import FileForm, check_target
+from sfkit.errors import InputError, member_of
 from sfkit.files import writing
 
 
@@ -42,7 +42,7 @@ def write_checkpoint(
         InputError: the file exists and ``overwrite`` is False, its ending does not suit its form, or
             its folder cannot be made.
     """
-    path, form = check_target(path, form, overwrite=overwrite), form_of(form)
+    path, form = check_target(path, form, overwrite=overwrite), member_of(FileForm, "form", form)
     tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in state.items()}
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}

@@ -20,7 +20,7 @@ from sfkit.cli.options import (
 )
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import say
-from sfkit.errors import InputError
+from sfkit.errors import InputError, member_of
 
 
 def export(
@@ -51,9 +51,9 @@ def export(
       sfkit export merged.safetensors --dynamic -l im0.png -r im1.png -o stereo.onnx
     """
     ensure_checkpoint(file)
-    from sfkit.exporting.forms import ENDINGS, check_target, form_of
+    from sfkit.exporting.forms import ENDINGS, Form, check_target
 
-    kind = form_of(form)
+    kind = member_of(Form, "format", form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])
     check_target(out, kind, overwrite=force)
     places = Places(left=left, right=right)

@@ -13,7 +13,7 @@ from sfkit.datasets.formats import Coding
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MaskCoding
 from sfkit.datasets.protocols import rule
-from sfkit.errors import InputError, ensure_known, nearest, unknown_name
+from sfkit.errors import InputError, member_of, nearest, unknown_name
 from sfkit.outside import read_toml
 
 ID, RESOLUTION = "{id}", "{resolution}"
@@ -176,9 +176,7 @@ def _layout(path: Path, entry: Any) -> PairLayout:
         raise InputError(f"{path}: found the layout {entry!r}, expected a table [[layout]]")
     known: dict[str, Any] = {}
     if "mask_coding" in entry:
-        coding = entry.pop("mask_coding")
-        ensure_known(f"mask_coding in {path}", coding, tuple(MaskCoding))
-        known["mask_coding"] = MaskCoding(coding)
+        known["mask_coding"] = member_of(MaskCoding, f"mask_coding in {path}", entry.pop("mask_coding"))
     layout: PairLayout = _record(path, PairLayout, entry, known)
     Coding.parse(layout.coding)
     for role, pattern in layout.patterns().items():

@@ -19,11 +19,11 @@ from sfkit.checkpoints.reading import read_checkpoint
 from sfkit.checkpoints.targets import FileForm
 from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.datasets.synthetic import domains, synthetic_pair
-from sfkit.errors import InputError, SfkitError, SfkitWarning
+from sfkit.errors import InputError, SfkitError, SfkitWarning, member_of
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Sizes
-from sfkit.exporting.forms import SEEN, Form, called, check_target, form_of, kind_of, untried
+from sfkit.exporting.forms import SEEN, Form, called, check_target, kind_of, untried
 from sfkit.files import write_bytes
 from sfkit.merging.network import LoadedNetwork, load_network
 from sfkit.merging.origin import stated_metadata
@@ -114,7 +114,7 @@ def export_network(
         InputError: an argument does not fit, or the network cannot be loaded.
         SfkitError: the network does not export to this format.
     """
-    path, form = Path(path), form_of(form)
+    path, form = Path(path), member_of(Form, "format", form)
     out = check_target(out, form, overwrite=overwrite)
     if dynamic and size is not None:
         raise InputError("size: found a size beside dynamic, expected one of the two")

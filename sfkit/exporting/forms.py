@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from sfkit.checkpoints.headers import WRITTEN_SUFFIXES
 from sfkit.checkpoints.targets import check_file
-from sfkit.errors import ensure_known
 
 if TYPE_CHECKING:
     from sfkit.merging.network import LoadedNetwork
@@ -68,16 +67,6 @@ SEEN: dict[str, dict[tuple[Form, bool], str | None]] = {
 def called(form: Form, *, dynamic: bool) -> str:
     """A request as the command line says it."""
     return f"{form.value}{' with --dynamic' if dynamic else ''}"
-
-
-def form_of(form: Form | str) -> Form:
-    """A format by its name.
-
-    Raises:
-        InputError: there is no such format.
-    """
-    ensure_known("format", form, tuple(Form))
-    return Form(form)
 
 
 def check_target(out: str | Path, form: Form, *, overwrite: bool) -> Path:

@@ -8,7 +8,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from sfkit.errors import ensure_known
+from sfkit.errors import member_of
 
 
 class Theme(StrEnum):
@@ -64,8 +64,7 @@ def read_theme(theme: str) -> Theme:
     Raises:
         InputError: none of ``light``, ``dark`` and ``auto``.
     """
-    ensure_known("theme", theme, tuple(Theme))
-    return Theme(theme)
+    return member_of(Theme, "theme", theme)
 
 
 def series_style(number: int) -> dict[str, str]:

@@ -11,9 +11,9 @@ import torch
 
 from sfkit.checkpoints.layouts import Layout
 from sfkit.checkpoints.reading import content_of, read_checkpoint
-from sfkit.checkpoints.targets import FileForm, check_target, form_of
+from sfkit.checkpoints.targets import FileForm, check_target
 from sfkit.checkpoints.writing import write_checkpoint
-from sfkit.errors import InputError
+from sfkit.errors import InputError, member_of
 from sfkit.files import write_text
 from sfkit.merging.members import Checked
 from sfkit.merging.origin import BELONGS, sidecar_of
@@ -93,7 +93,11 @@ def write_beside(
     Raises:
         InputError: a file of that name is there and is the user's, or may not be replaced.
     """
-    if form_of(form) is not FileForm.ORIGINAL or layout.container is not None or not metadata:
+    if (
+        member_of(FileForm, "form", form) is not FileForm.ORIGINAL
+        or layout.container is not None
+        or not metadata
+    ):
         return
     sidecar = sidecar_of(path)
     ours = sidecar.exists() and "sfkit.recipe" in sidecar.read_text(encoding="utf-8", errors="replace")

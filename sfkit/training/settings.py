@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
-from sfkit.errors import InputError, ensure_known
+from sfkit.errors import InputError, member_of
 from sfkit.outside import table
 from sfkit.settings import Check, setting, settle
 
@@ -55,11 +56,6 @@ def _crop(name: str, value: Any) -> Any:
     if crop is not None and (len(crop) != 2 or not all(type(v) is int and v > 0 for v in crop)):
         raise InputError(f"{name} is {crop!r}, expected height and width in pixels, such as 256, 512")
     return crop
-
-
-def _precision(name: str, value: Any) -> Any:
-    ensure_known(name, value, tuple(Precision))
-    return Precision(value)
 
 
 @dataclass(frozen=True)
@@ -143,7 +139,9 @@ class TrainingSettings:
         help="Running statistics stay the base's, or change.",
     )
     augmentation: Augmentation = field(default_factory=Augmentation)
-    precision: Precision = setting(Precision.FLOAT32, help="float32 or bfloat16.", check=_precision)
+    precision: Precision = setting(
+        Precision.FLOAT32, help="float32 or bfloat16.", check=partial(member_of, Precision)
+    )
     seed: int = setting(0, help="Of order, crops and colours.", check=_whole(0))
     save_every: int = setting(200, help="Steps between two saved states.", check=_whole(1))
     broken_share: float = setting(
