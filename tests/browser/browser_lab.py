@@ -235,22 +235,28 @@ class Notebook:
         )
 
     def reload(self) -> None:
-        """Load the page again, as a reader would, until the widget is back; the kernel lives on.
+        """Load the page again, as a reader would, until the widget is back; the kernel lives on."""
+        self.page.reload()
+        self.ready()
+        self.back()
+
+    def back(self) -> None:
+        """Wait until the widget of a page that was loaded beside a living kernel is back.
 
         JupyterLab's manager of widgets asks the kernel for them after a load, twice at once, and gives it
-        four seconds, and says nothing where that fails: nothing comes then, however long one waits.
+        four seconds, and says nothing where that fails: nothing comes then, however long one waits. So the
+        page is loaded again, as a reader would.
         """
         from playwright.sync_api import TimeoutError as NotShown
 
-        for patience in (PATIENCE / 2, PATIENCE / 2, PATIENCE):
-            self.page.reload()
-            self.ready()
+        for share in (4, 4, 2):
             try:
-                self.page.wait_for_selector(".sfkit", timeout=patience * 1000)
+                self.page.wait_for_selector(".sfkit", timeout=PATIENCE * 1000 / share)
                 return
-            except NotShown as error:
-                failure = error
-        raise failure
+            except NotShown:
+                self.page.reload()
+                self.ready()
+        self.page.wait_for_selector(".sfkit")
 
     def evaluate(self, expression: str) -> Any:
         """The value of a Python expression in the notebook's kernel, through JSON; cells stay as they are."""

@@ -62,6 +62,7 @@ def test_a_search_is_run_paused_stepped_and_stopped_in_jupyterlab(lab: Opened) -
     pass_gate(notebook)
     notebook.page.close()
     notebook = lab("search/control.ipynb")
+    notebook.back()
     wait_for_phase(notebook, "running")
     wait_for_generation(notebook, 2)
 
