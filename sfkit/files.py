@@ -162,6 +162,20 @@ def shipped(beside: str, inside: str) -> Path | None:
     return next((place for place in places if place.is_dir()), None)
 
 
+def default_folder() -> Path:
+    """The cache: ``SFKIT_CACHE``, or ``sfkit`` in the user's cache folder.
+
+    Raises:
+        InputError: ``SFKIT_CACHE`` names a file.
+    """
+    import platformdirs
+
+    folder = Path(os.environ.get("SFKIT_CACHE") or platformdirs.user_cache_dir("sfkit"))
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: SFKIT_CACHE names a file, expected a folder")
+    return folder
+
+
 def _flush(path: Path) -> None:
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())

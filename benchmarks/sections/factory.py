@@ -13,7 +13,7 @@ from sfkit import bank
 from sfkit.bank.sharp import JOINT, SOURCE_SETTINGS
 from sfkit.datasets.synthetic.domains import BASE
 from sfkit.factory import read_factory, status, write_example
-from sfkit.training.finetune import training_folder
+from sfkit.training.places import training_folder
 
 FOLDER = RUNS / "factory"
 POOL = "bank-sharp"

@@ -18,7 +18,7 @@ from sfkit.evaluation import score_recipes
 from sfkit.files import write_text
 from sfkit.merging import Pool
 from sfkit.outside import toml_value
-from sfkit.training.finetune import training_folder
+from sfkit.training.places import training_folder
 
 ROOT = Path(__file__).parents[2]
 OUT = RESULTS / "finetuned"

@@ -10,9 +10,9 @@ from sfkit.analysis.comparisons import NetworkComparison, compare_networks
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.verdict import Verdict, verdict
 from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.datasets.metric import Metric
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
+from sfkit.evaluation.separation import under_one_unit
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -21,8 +21,6 @@ from sfkit.search.averaging import AVERAGED
 BASE, UNIFORM = "base", "uniform"
 WIDTH, MIN_WIDTH = 80, 26
 """Characters of a line, and at least of a column of names, where lines are made to be read in a terminal."""
-PERCENT = "bad-1.0"
-"""What tests in pixels are measured by where a guide without ground truth is in percent."""
 
 
 @dataclass(frozen=True)
@@ -198,20 +196,6 @@ def judges(
     pool, store, compute = known[0].pool, known[0].store, known[0].compute
     tests = under_one_unit(metrics, benchmarks)
     return known, [Evaluator(pool, test, store=store, compute=compute) for test in tests]
-
-
-def under_one_unit(guides: Sequence[str], tests: Sequence[Benchmark]) -> list[Benchmark]:
-    """Tests under their own metrics where these have the guides' unit, else under the guides' metric.
-
-    Args:
-        guides: the metrics that guide; one that needs no ground truth is percent, and ``bad-1.0`` its like.
-        tests: the benchmarks.
-    """
-    guide = Metric.parse(next((name for name in guides if Metric.parse(name).needs_truth), PERCENT))
-    return [
-        one if Metric.parse(one.metric).unit == guide.unit else one.measured_by(metric=guide.name)
-        for one in tests
-    ]
 
 
 def _judging(guides: Sequence[Evaluator]) -> list[Evaluator]:

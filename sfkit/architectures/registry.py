@@ -31,6 +31,7 @@ from sfkit.architectures.code import Code
 from sfkit.architectures.identity import code_identity
 from sfkit.architectures.inputs import InputConvention
 from sfkit.architectures.module_blocks import ByNetwork, by_options, top_level_blocks
+from sfkit.architectures.names import unknown_architecture
 from sfkit.errors import InputError, ensure_known, unknown_name
 from sfkit.files import home
 
@@ -237,8 +238,7 @@ def architecture(name: str) -> Architecture:
     if name not in _REGISTRY and (found := code.declared(name)) is not None and name not in _REGISTRY:
         _register_plainly(name, found)
     if name not in _REGISTRY:
-        error = unknown_name("architecture", name, architectures())
-        raise InputError(f"{error}; is it your own? name its code: --import FILE, or module = in pool.toml")
+        raise unknown_architecture(name, architectures())
     return _REGISTRY[name]
 
 

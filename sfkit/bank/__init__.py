@@ -3,140 +3,48 @@
 ``bank-slim`` has the same domains and names, of another architecture: what one pool found can be tried there.
 ``bank-sharp`` has domains of the same names that nobody softened, stronger networks and a joint one.
 
-Everything comes from seeds: ``sfkit bank build`` makes it again (see :mod:`sfkit.bank.build`).
+Everything comes from seeds: ``sfkit bank build`` makes it again (see :mod:`sfkit.bank.building`).
 """
 
-import json
-from collections.abc import Mapping, Sequence
-from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
-from sfkit.bank.build import build
-from sfkit.bank.plan import BANK, BANKS, bank_plan, banks
-from sfkit.bank.rendered import benchmark, benchmarks, held_out
-from sfkit.bank.sharp import JOINT
-from sfkit.datasets.benchmark import open_benchmarks, register_benchmarks
-from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.datasets.synthetic.domains import BASE, VALIDATION, domains
-from sfkit.errors import InputError
-from sfkit.merging.opening import register_pool
+from sfkit.on_demand import on_demand
 
+if TYPE_CHECKING:
+    from sfkit.bank.building import build
+    from sfkit.bank.plan import BANK, BANKS, bank_plan, banks
+    from sfkit.bank.rendered import benchmark, benchmarks, held_out
+    from sfkit.bank.sharp import JOINT
+    from sfkit.bank.shipped import (
+        joint_path,
+        joint_training,
+        open_source_data,
+        pool_path,
+        training_seconds,
+        trainings,
+        worlds,
+    )
+    from sfkit.datasets.synthetic.domains import VALIDATION, domains
+else:
+    __getattr__, __dir__ = on_demand(__name__)
 
-def pool_path(name: str = BANK.name) -> Path:
-    """The ``pool.toml`` of a bank that ships with sfkit; base and sources lie beside it.
-
-    Raises:
-        InputError: no bank of that name.
-    """
-    return bank_plan(name).pool_file
-
-
-def joint_path(name: str) -> Path:
-    """The network of a bank that was trained on all sources' scenes together.
-
-    Raises:
-        InputError: no bank of that name, or no such network ships with it.
-    """
-    path = pool_path(name).with_name(f"{JOINT}.safetensors")
-    if not path.exists():
-        how = f": sfkit bank build {name} trains it" if bank_plan(name).joint else ""
-        raise InputError(f"joint: no joint network ships with {name!r}, expected a bank that has one{how}")
-    return path
-
-
-def trainings(name: str = BANK.name) -> dict[str, dict[str, Any]]:
-    """Network -> how its training went, as recorded: plan, wall and CPU seconds, errors.
-
-    Raises:
-        InputError: no bank of that name.
-    """
-    record = pool_path(name).with_name("trainings.json").read_text(encoding="utf-8")
-    return dict(json.loads(record))
-
-
-def training_seconds(name: str = BANK.name) -> dict[str, float]:
-    """Source -> wall seconds of the one thread that fine-tuned it, as recorded when the bank was built.
-
-    They stand beside the wall seconds of searches. The machine did other work at the time: ``trainings.json``
-    has the CPU seconds, a quarter of these on ``bank`` and half on ``bank-sharp``, so that an overhead
-    against them is a lower bound.
-
-    Raises:
-        InputError: no bank of that name.
-    """
-    records = trainings(name).items()
-    return {source: float(r["seconds"]) for source, r in records if source not in (BASE.name, JOINT)}
-
-
-def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, None]:
-    """A bank's network that was trained on all sources' scenes, and its wall seconds; None twice without one.
-
-    As :func:`training_seconds`, on a machine that did other work: the CPU seconds are a third of these.
-
-    Raises:
-        InputError: no bank of that name.
-    """
-    record, path = trainings(name).get(JOINT), pool_path(name).with_name(f"{JOINT}.safetensors")
-    return (path, float(record["seconds"])) if record and path.exists() else (None, None)
-
-
-def worlds(
-    pool: object,
-    benchmark: str | None,
-    report_on: Sequence[str | Mapping[str, Any]] | None = None,
-    *,
-    guide: str = VALIDATION,
-) -> tuple[str, list[str | Mapping[str, Any]]]:
-    """What guides and what tests a pool: what is named, and for the bank's own pools its worlds by default.
-
-    Args:
-        pool: a bank's name, or what :func:`sfkit.open_pool` takes besides.
-        benchmark: what guides; None where nothing was named.
-        report_on: what tests; None where nothing was named: all worlds but ``guide``.
-        guide: the world that guides by default.
-
-    Raises:
-        InputError: a pool of one's own and no benchmark: rendered worlds say nothing of it.
-    """
-    own = pool not in banks()
-    if benchmark is None and own:
-        raise InputError(
-            f"benchmark is missing: pool {str(pool)!r} is none of the bank's ({', '.join(banks())}), whose "
-            "rendered worlds would say nothing of it; name what guides the search, such as eth3d with "
-            "benchmark_root ~/ETH3D, and in report_on what tests it"
-        )
-    collection = BANK.name if own else bank_plan(str(pool)).benchmarks
-    unseen = () if own else (f"{collection}:{name}" for name in benchmarks() if name != guide)
-    tests: list[str | Mapping[str, Any]] = [*(unseen if report_on is None else report_on)]
-    return benchmark or f"{collection}:{guide}", tests
-
-
-for _name in banks():
-    register_pool(_name, pool_path(_name))
-for _name in sorted({plan.benchmarks for plan in BANKS.values()}):
-    register_benchmarks(_name, benchmarks(), partial(benchmark, of=_name))
-
-
-def open_source_data(
-    entries: str | Mapping[str, str | Mapping[str, Any]], *, pairs: int = 4
-) -> dict[str, Benchmark]:
-    """Open what sources were fine-tuned on, for :func:`sfkit.analysis.data_similarity`: source -> pairs.
-
-    Args:
-        entries: a bank's name, such as ``"bank"``, for held-out pairs of its domains; else source name ->
-            entry as for :func:`sfkit.open_benchmarks`.
-        pairs: the first so many pairs of each.
-
-    Raises:
-        InputError: another word, or as :func:`sfkit.open_benchmarks` says.
-    """
-    if not isinstance(entries, Mapping):
-        if entries not in banks():
-            raise InputError(
-                f"source data: found {entries!r}, expected {' or '.join(map(repr, banks()))}, or "
-                "source -> benchmark"
-            )
-        return {name: held_out(name, pairs, of=entries) for name in training_seconds(entries)}
-    opened = open_benchmarks(entries.values())
-    return {source: each.first(pairs) for source, each in zip(entries, opened, strict=True)}
+__all__ = [
+    "BANK",
+    "BANKS",
+    "JOINT",
+    "VALIDATION",
+    "bank_plan",
+    "banks",
+    "benchmark",
+    "benchmarks",
+    "build",
+    "domains",
+    "held_out",
+    "joint_path",
+    "joint_training",
+    "open_source_data",
+    "pool_path",
+    "training_seconds",
+    "trainings",
+    "worlds",
+]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.bank import sharp
+from sfkit.bank.folders import pool_file
 from sfkit.datasets.synthetic.domains import BASE, BENCHMARK_PAIRS, SOURCES, Domain
 from sfkit.errors import ensure_known
 from sfkit.training.settings import TrainingSettings
@@ -47,7 +48,6 @@ class BankPlan:
     Attributes:
         name: what :func:`sfkit.open_pool` calls it.
         architecture: the registry's name of its networks.
-        folder: where its networks ship, beside this file.
         base: the training of the base; settings of :func:`sfkit.finetune` for a bank that it trains.
         source: the training of a source.
         longer: sources that ``source`` left short of the bar, and how they are trained instead.
@@ -60,7 +60,6 @@ class BankPlan:
 
     name: str
     architecture: str
-    folder: str
     base: Training
     source: Training
     longer: Mapping[str, TrainingPlan] = field(default_factory=dict)
@@ -78,7 +77,7 @@ class BankPlan:
     @property
     def pool_file(self) -> Path:
         """Its ``pool.toml``; base and sources lie beside it."""
-        return Path(__file__).parent / self.folder / "pool.toml"
+        return pool_file(self.name)
 
     def plan_of(self, network: str) -> Training:
         """How the network of that name is trained."""
@@ -88,7 +87,6 @@ class BankPlan:
 BANK = BankPlan(
     name="bank",
     architecture="anynet",
-    folder="data",
     base=TrainingPlan(steps=2000, peak_rate=2e-3, scenes=300),
     source=TrainingPlan(steps=400, peak_rate=1e-3, scenes=160),
     # The common plan left these only 14 to 18 % better than the base on their own domain.
@@ -101,14 +99,12 @@ BANK = BankPlan(
 SLIM = BankPlan(
     name="bank-slim",
     architecture="anynet-slim",
-    folder="data-slim",
     base=TrainingPlan(steps=1400, peak_rate=2e-3, scenes=240),
     source=TrainingPlan(steps=120, peak_rate=2e-3, scenes=72, warm_up=25),
 )
 SHARP = BankPlan(
     name="bank-sharp",
     architecture="anynet-wide",
-    folder="data-sharp",
     base=sharp.BASE_SETTINGS,
     source=sharp.SOURCE_SETTINGS,
     options={"ranges": OPTIONS["ranges"]},

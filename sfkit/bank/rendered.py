@@ -18,7 +18,7 @@ from sfkit.datasets.synthetic.domains import HEIGHT, QUICK_PAIRS, VALIDATION, WI
 from sfkit.datasets.synthetic.pairs import SEED
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError, ensure_known
-from sfkit.merging.cache import default_folder
+from sfkit.files import default_folder
 
 METRIC = "bad-3.0"
 PROTOCOL = "all-valid"

@@ -11,6 +11,9 @@ from sfkit.checkpoints.headers import SAFETENSORS, WRITTEN_SUFFIXES
 from sfkit.errors import InputError, member_of
 from sfkit.files import ensure_writable
 
+DTYPE_NAMES = ("float32", "float16", "bfloat16")
+"""Data types that a merged network may be written in, where somebody chooses one."""
+
 
 class FileForm(StrEnum):
     """What kind of file a merged network becomes."""

@@ -36,13 +36,16 @@ def build(
     Example:
       sfkit bank build
     """
-    from sfkit.bank import build as build_bank
+    from sfkit.bank.plan import bank_plan
 
+    bank_plan(name)
     out = out or Path("runs") / name
     places = Places()
     places.folder("--out", out, ("pool.toml", "base.safetensors", "trainings.json", "fingerprints.json"))
     if (out / "pool.toml").exists() and not (out / "training").is_dir():
         raise InputError(f"--out: {out / 'pool.toml'} exists, and no bank was built there: choose another")
+    from sfkit.bank.building import build as build_bank
+
     with Bars() as bars:
 
         def advance(what: str, done: int, of: int) -> None:

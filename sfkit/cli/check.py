@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from sfkit.cli.foreseen import roster_of
 from sfkit.cli.options import JsonOption, PoolArgument, emit, pool_of, say
 from sfkit.cli.panels import OptionalBenchmarkOptions
 from sfkit.cli.terminal import Bars
@@ -24,6 +25,7 @@ def check(
       sfkit check pool.toml
       sfkit check pool.toml --benchmark eth3d --root ~/ETH3D
     """
+    roster_of(pool)
     opened_benchmark = None
     if data is not None:
         whole = data.open()

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.cli import tables
+from sfkit.cli.foreseen import ensure_loadable
 from sfkit.cli.options import (
     ArchitectureOption,
     ForceOption,
     JsonOption,
     NetworkOption,
     emit,
-    network_options,
 )
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, DeviceOptions
@@ -59,13 +58,13 @@ def compare(
     if maps is not None:
         _claim(places, maps, chosen, force=force)
     for file in (first, second):
-        ensure_checkpoint(file)
+        options = ensure_loadable(file, architecture, option)
     from sfkit.analysis.networks import measure_networks
     from sfkit.analysis.paired import corrected, paired_difference
     from sfkit.evaluation.stereo_model import load
 
     models = {
-        name: load(file, device=compute.device, architecture=architecture, options=network_options(option))
+        name: load(file, device=compute.device, architecture=architecture, options=options)
         for name, file in ((a, first), (b, second))
     }
     written: list[Path] = []

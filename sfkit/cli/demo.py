@@ -33,11 +33,11 @@ def demo(
     Example:
       sfkit demo
     """
-    from sfkit.bank.demo import demo as run_demo  # with all of Jupyter behind it, too slow for other commands
-
     Places().folder(
         "--out", out, (*OUTPUTS, SEARCH, LOCK, STORE, "scores.csv", "report.html", "report.ipynb")
     )
+    from sfkit.bank.demo import demo as run_demo  # with all of Jupyter behind it, too slow for other commands
+
     with Bars() as bars:
 
         def advance(step: str, done: int, of: int, note: str) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli import tables
+from sfkit.cli.foreseen import roster_of
 from sfkit.cli.options import (
     ForceOption,
     JsonOption,
@@ -81,9 +82,10 @@ def evaluate(
             "found nothing to score, expected --subset, --subset-from, --recipe, --uniform, --members or "
             "--all-subsets"
         )
-    asked = choosers(subset=subset, subset_from=subset_from, uniform=uniform)
+    roster = roster_of(pool)
+    asked = choosers(pool=roster, subset=subset, subset_from=subset_from, uniform=uniform)
     for file in recipe or ():
-        asked |= choosers(recipe=file)
+        asked |= choosers(pool=roster, recipe=file)
     chosen, metrics = data.open_by_several()
     from sfkit.evaluation import Evaluator
     from sfkit.evaluation.table import image_table, score_table, write_table

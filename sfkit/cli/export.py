@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sfkit.checkpoints.headers import ensure_checkpoint
+from sfkit.cli.foreseen import ensure_loadable
 from sfkit.cli.groups import size_of
 from sfkit.cli.options import (
     ArchitectureOption,
@@ -16,7 +16,6 @@ from sfkit.cli.options import (
     JsonOption,
     NetworkOption,
     emit,
-    network_options,
 )
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import say
@@ -50,8 +49,8 @@ def export(
       sfkit export merged.safetensors --size 384x1248
       sfkit export merged.safetensors --dynamic -l im0.png -r im1.png -o stereo.onnx
     """
-    ensure_checkpoint(file)
-    from sfkit.exporting.forms import ENDINGS, Form, check_target
+    options = ensure_loadable(file, architecture, option)
+    from sfkit.exporting.forms import ENDINGS, Form, check_dynamic, check_size, check_target
 
     kind = member_of(Form, "format", form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])
@@ -62,11 +61,15 @@ def export(
     if (left is None) != (right is None):
         raise InputError("--left and --right: found one of them, expected both images of a pair")
     given = _size(size)
-    # Only now: what refuses the words of a command line needs no torch.
+    check_size(given)
+    if dynamic:
+        check_dynamic(kind, given)
     from sfkit.datasets.images import read_image
-    from sfkit.exporting.export import export_network
 
     pair = None if left is None or right is None else (read_image(left), read_image(right))
+    check_size(given, pair)
+    from sfkit.exporting.export import export_network
+
     exported = export_network(
         file,
         out,
@@ -75,7 +78,7 @@ def export(
         dynamic=dynamic,
         pair=pair,
         architecture=architecture,
-        options=network_options(option),
+        options=options,
         overwrite=force,
         progress=say,
     )

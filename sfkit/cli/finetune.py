@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.checkpoints.targets import FileForm, check_target
+from sfkit.cli.foreseen import ensure_loadable
 from sfkit.cli.groups import Group
-from sfkit.cli.options import ForceOption, JsonOption, NetworkOption, emit, network_options, say
+from sfkit.cli.options import ForceOption, JsonOption, NetworkOption, emit, say
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import DeviceOptions, FolderChoice
 from sfkit.cli.terminal import Bars
@@ -92,7 +93,7 @@ def command(
     """
     from sfkit.datasets.benchmark import open_benchmark
     from sfkit.datasets.training_sets import open_training_set
-    from sfkit.training.finetune import OUTPUTS, finetune, training_folder
+    from sfkit.training.places import OUTPUTS, training_folder
 
     check_target(out, form, overwrite=force)
     places = Places(settings=settings, csv=reading.csv)
@@ -103,13 +104,16 @@ def command(
     pairs = open_training_set(data, root, hold_out=hold_out, coding=reading.coding, table=reading.csv)
     say(f"{pairs.name}: {pairs.coverage}, {len(pairs.held_out)} held out, {chosen.steps(len(pairs))} steps")
     scored = None if validation is None else open_benchmark(validation, validation_root)
+    options = ensure_loadable(base, architecture, option)
+    from sfkit.training.finetune import finetune
+
     with _Processes(compute.kind), Bars() as bars:
         source = finetune(
             base,
             pairs,
             out,
             name=architecture,
-            options=network_options(option),
+            options=options,
             settings=chosen,
             validation=scored,
             device=compute.device,
@@ -124,7 +128,7 @@ def command(
 
 
 def _told(source: TrainedSource) -> tuple[dict[str, Any], str]:
-    from sfkit.training.finetune import training_folder
+    from sfkit.training.places import training_folder
 
     document = {
         "file": source.path,

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from sfkit.checkpoints.targets import FileForm, check_target, ensure_room
+from sfkit.cli.foreseen import roster_of
 from sfkit.cli.options import (
     DtypeOption,
     ForceOption,
@@ -49,7 +50,10 @@ def merge(
     """
     check_target(out, form, overwrite=force)
     Places(recipe=recipe, subset_from=subset_from).claim("--out", out)
-    asked = choosers(subset=subset, subset_from=subset_from, recipe=recipe, weights=weights, uniform=uniform)
+    roster = roster_of(pool, dtype=dtype)
+    asked = choosers(
+        pool=roster, subset=subset, subset_from=subset_from, recipe=recipe, weights=weights, uniform=uniform
+    )
     if len(asked) != 1:
         raise InputError(
             "expected exactly one of --subset, --subset-from, --recipe, --weights and --uniform, "

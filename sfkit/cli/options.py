@@ -16,12 +16,13 @@ from sfkit.architectures.code import imported_files
 from sfkit.cli.groups import names
 from sfkit.cli.terminal import Bars, coloured, printable
 from sfkit.cli.terminal import say as say
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError
 from sfkit.outside import once, parse_json
 
 if TYPE_CHECKING:
     from sfkit.evaluation.store import EvaluationStore
     from sfkit.merging import Pool, Recipe
+    from sfkit.merging.roster import Roster
 
 Made = TypeVar("Made")
 NAMED = ("bank", "bank-slim", "bank-sharp")  # pools that come with sfkit
@@ -36,7 +37,7 @@ def _ensure_pool(path: str) -> str:
     if os.sep in path or path.endswith(".toml") or not (path in NAMED or any(imported_files())):
         from sfkit.checkpoints.spec import read_pool_spec
 
-        _named(path, lambda: read_pool_spec(path))
+        naming(path, lambda: read_pool_spec(path))
     return path
 
 
@@ -83,6 +84,7 @@ Chooser = Callable[["Pool"], "Recipe"]
 
 def choosers(
     *,
+    pool: Roster | None = None,
     subset: str | None = None,
     subset_from: Path | None = None,
     recipe: Path | None = None,
@@ -92,7 +94,7 @@ def choosers(
     """The recipes the options ask for, by row name; files and lists are read before any pool is opened.
 
     Raises:
-        InputError: an option cannot be read, or a file holds no recipe.
+        InputError: an option cannot be read, a file holds no recipe, or a source is none of ``pool``.
     """
     from sfkit.merging.origin import read_recipe
     from sfkit.merging.recipe import Recipe
@@ -103,18 +105,28 @@ def choosers(
         found["uniform"] = lambda pool: pool.uniform()
     if subset is not None:
         chosen = source_names("--subset", subset)
+        if pool is not None:
+            pool.subset(chosen)
         found["+".join(chosen)] = lambda pool: pool.equal(*chosen)
     if weights is not None:
         mixture = _weights(weights)
+        if pool is not None:
+            pool.subset(mixture)
         found[weights] = lambda pool: Recipe.weighted(_known(pool, mixture), pool.blocks)
     if subset_from is not None:
         other = subset_of(read_recipe(subset_from))
+        if pool is not None:
+            names = pool.names
+            naming(subset_from, lambda: transfer(other, names))
         found[f"sources of {subset_from}"] = lambda pool: pool.equal(
-            *_named(subset_from, lambda: transfer(other, pool.names))
+            *naming(subset_from, lambda: transfer(other, pool.names))
         )
     if recipe is not None:
         read = recipe_of(recipe)
-        found[str(recipe)] = lambda pool: _named(recipe, lambda: _checked(pool, read))
+        if pool is not None:
+            early = pool
+            naming(recipe, lambda: early.check_recipe(read))
+        found[str(recipe)] = lambda pool: naming(recipe, lambda: _checked(pool, read))
     return found
 
 
@@ -145,7 +157,7 @@ def prepared(name: str, pool: Pool, recipe: Recipe) -> Pool:
     """
     from sfkit.merging.prepare import prepared_for
 
-    return _named(name, lambda: prepared_for(pool, recipe))
+    return naming(name, lambda: prepared_for(pool, recipe))
 
 
 def network_options(texts: list[str] | None) -> dict[str, Any]:
@@ -222,10 +234,8 @@ def pool_of(path: str, blocks: str | None = None, dtype: str | None = None) -> P
     :func:`~sfkit.merging.dtypes.written_as`.
     """
     from sfkit.merging import open_pool
-    from sfkit.merging.dtypes import DTYPES, written_as
+    from sfkit.merging.dtypes import written_as
 
-    if dtype is not None and dtype not in DTYPES:
-        raise unknown_name("--dtype", dtype, DTYPES)
     with Bars(keep=False) as bars:
 
         def read(file: Path, done: int, total: int) -> None:
@@ -233,10 +243,10 @@ def pool_of(path: str, blocks: str | None = None, dtype: str | None = None) -> P
                 line = f"reading: {done} of {total} networks, {file.name}"
                 bars("reading", done, total, file.name, line=line)
 
-        return _named(path, lambda: written_as(open_pool(path, blocks=blocks, progress=read), dtype))
+        return naming(path, lambda: written_as(open_pool(path, blocks=blocks, progress=read), dtype))
 
 
-def _named(path: str | Path, make: Callable[[], Made]) -> Made:
+def naming(path: str | Path, make: Callable[[], Made]) -> Made:
     """Make something, and put the file's name before an error that names no file yet."""
     try:
         return make()

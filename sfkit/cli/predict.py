@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.checkpoints.headers import ensure_checkpoint
+from sfkit.cli.foreseen import ensure_loadable
 from sfkit.cli.options import (
     ArchitectureOption,
     ForceOption,
     JsonOption,
     NetworkOption,
     emit,
-    network_options,
     say,
 )
 from sfkit.cli.panels import DeviceOptions
@@ -96,11 +96,12 @@ def predict(
             "--farthest: found no --cloud, expected the point cloud that it leaves points out of"
         )
     from sfkit.evaluation.prediction_files import Outputs
-    from sfkit.evaluation.stereo_model import load
 
     outputs = Outputs(form, known, check, cloud, farthest)
-    options = network_options(option)
     plan = _plan(left, right, layout, every, out, outputs, force=force)
+    options = ensure_loadable(file, architecture, option)
+    from sfkit.evaluation.stereo_model import load
+
     model = load(file, device=compute.device, architecture=architecture, options=options).loaded
     if known is not None:
         say(f"cameras: {known}")

@@ -42,12 +42,12 @@ def report(
       sfkit report -p pool pool.toml -p quick true -o report.html
       sfkit report 01_quickstart -p seed 1 -o quickstart.html --figures svg
     """
-    from sfkit.reports import (  # with all of Jupyter behind it, too slow for other commands
-        notebook_path,
-        read_parameters,
-    )
-    from sfkit.reports import report as run_report
+    from sfkit.reports.browsers import check_pictures
+    from sfkit.reports.notebooks import notebook_path
+    from sfkit.reports.parameters import read_parameters
 
+    if figures is not None:
+        check_pictures(figures)
     if not notebook.suffix and len(notebook.parts) == 1 and not notebook.exists():
         notebook = notebook_path(str(notebook))
     values = read_parameters(notebook, once("-p", map(_parameter, parameter or [])))
@@ -59,6 +59,8 @@ def report(
             places.reads(f"-p {name}", Path(value))
     places.file("--out", out, ".html", force=True)
     places.claim("--out", out.with_suffix(".ipynb"))
+    from sfkit.reports import report as run_report  # with all of Jupyter behind it
+
     with Bars() as bars:
         written = run_report(notebook, values, out, progress=bars.show, figures=figures)
     document: dict[str, object] = {"report": written}

@@ -62,14 +62,16 @@ def page(
     Example:
       sfkit runs page runs -o runs.html
     """
-    from sfkit.analysis.run_overview import overviews
-    from sfkit.figures.run_page import run_page
     from sfkit.files import write_text
+    from sfkit.search.runs import find_runs
 
     Places().file("--out", out, ".html", force=force)
-    runs, metrics = overviews(root)
-    if not runs:
+    if not find_runs(root):
         raise InputError(f"{root}: no search has left a journal here, expected the folders of searches in it")
+    from sfkit.analysis.run_overview import overviews
+    from sfkit.figures.run_page import run_page
+
+    runs, metrics = overviews(root)
     write_text(out, run_page(runs, metrics, f"Searches in {root}"))
     emit({"page": out, "runs": len(runs)}, f"wrote {out}", as_json=json)
 
@@ -131,11 +133,12 @@ def export(
     Example:
       sfkit runs export runs/garage/evaluations.sqlite -o evaluations.csv
     """
-    from sfkit.evaluation.exchange import export_evaluations
-
     places = Places()
     places.reads("STORE", store)
     places.file("--out", out, ".csv", ".parquet", force=False)
+    _ensure_file(store)
+    from sfkit.evaluation.exchange import export_evaluations
+
     with _existing(store) as opened:
         written, count = export_evaluations(opened, out), len(opened)
     emit({"file": written, "evaluations": count}, f"wrote {count} evaluations to {written}", as_json=json)
@@ -153,13 +156,14 @@ def import_(
     Example:
       sfkit runs import cluster.sqlite --into runs/garage/evaluations.sqlite
     """
+    places = Places()
+    places.reads("SOURCE", source)
+    places.store(into, "--into")
+    _ensure_file(source)
     from sfkit.evaluation.exchange import import_evaluations
     from sfkit.evaluation.rescue import rescue
     from sfkit.evaluation.store import EvaluationStore
 
-    places = Places()
-    places.reads("SOURCE", source)
-    places.store(into, "--into")
     lost: tuple[int, ...] = ()
     try:
         with _existing(source) as opened, EvaluationStore(into) as target:
@@ -184,9 +188,13 @@ def _short(text: str | bool) -> str:
         return text
 
 
+def _ensure_file(path: Path) -> None:
+    if not path.is_file():
+        raise InputError(f"{path}: no such file, expected an evaluation store")
+
+
 def _existing(path: Path) -> EvaluationStore:
     from sfkit.evaluation.store import EvaluationStore
 
-    if not path.is_file():
-        raise InputError(f"{path}: no such file, expected an evaluation store")
+    _ensure_file(path)
     return EvaluationStore(path, read_only=True)

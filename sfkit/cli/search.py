@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from sfkit.cli.foreseen import roster_of
 from sfkit.cli.options import (
     DtypeOption,
     ForceOption,
@@ -36,14 +37,16 @@ from sfkit.cli.panels import (
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
 from sfkit.cli.watching import Watch
 from sfkit.errors import InputError, ensure_known
-from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.checks import METHODS
+from sfkit.search import Constraints, RoutingSettings, SubsetSettings
+from sfkit.search.checks import METHODS, check_parts, check_resamples
 from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
+from sfkit.settings import require_whole
 
 if TYPE_CHECKING:
     from sfkit.datasets.metric import Metric
     from sfkit.evaluation.estimating import Estimate
-    from sfkit.merging import Pool
+    from sfkit.merging import Pool, Recipe
+    from sfkit.merging.roster import Roster
     from sfkit.search.pipeline import SearchResult
     from sfkit.search.plan import SearchPlan
 
@@ -112,7 +115,12 @@ def search(
     if not force:
         refuse_unclaimed(out)
     chosen, begin = _subset(subset, subset_from), recipe_of(start) if start is not None else None
+    require_whole("batch", batch, 1)
+    check_resamples(resamples, second)
+    check_parts(chosen, second, begin)
+    _ensure_names(roster_of(pool, blocks, dtype), chosen, second, constraints, begin)
     guides, combine = guides_of(data.open(), guidance), guidance.combine
+    tests = tests_of(test, guides)
     from sfkit.analysis.overfit import holdout_check
     from sfkit.analysis.search_verdict import missing
     from sfkit.analysis.trust import trust_of
@@ -133,7 +141,6 @@ def search(
     )
     # The model has sizes of its own; those that were named go before them.
     plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
-    tests = tests_of(test, guides)
     opened = pool_of(pool, blocks, dtype)
     plan.check(opened)
     ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)
@@ -186,6 +193,27 @@ def _stage2(given: Mapping[str, Any]) -> RoutingSettings | None:
         return None
     # A rank is for blocks that are not tied.
     return RoutingSettings(**{**given, "tied": given["tied"] and "rank" not in given})
+
+
+def _ensure_names(
+    pool: Roster | None,
+    subset: tuple[str, ...] | None,
+    second: RoutingSettings | None,
+    constraints: Constraints,
+    start: Recipe | None,
+) -> None:
+    """Refuse names that the pool has not, before it is opened: of blocks where they are known by then."""
+    if pool is None:
+        return
+    blocks = pool.blocks or (*constraints.frozen_blocks, "another")
+    if subset is None:
+        constraints.space(pool.names, blocks)
+    elif second is not None:
+        from sfkit.search.encoding import encoding_of
+
+        encoding = encoding_of(pool.subset(subset), blocks, second, constraints)
+        if start is not None and pool.blocks is not None:
+            encoding.admit(start)
 
 
 def _sized(plan: SearchPlan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> SearchPlan:

@@ -7,14 +7,15 @@ from typing import Annotated
 
 import typer
 
-from sfkit.cli.options import JsonOption, emit
+from sfkit.cli.options import NAMED, JsonOption, emit
+from sfkit.merging.named import named_pool
 
 
 def show(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A network, a folder of them, a pool.toml, a recipe or a store.", show_default=False
+            help="A network, a folder of them, a pool.toml, bank, a recipe or a store.", show_default=False
         ),
     ],
     json: JsonOption = False,
@@ -26,6 +27,8 @@ def show(
       sfkit show merged.safetensors
       sfkit show checkpoints/
     """
+    if str(file) in NAMED and not file.exists():  # as every command that takes a pool
+        file = Path(named_pool(str(file)))
     # The folder of a search is shown as "runs show" does.
     if (file / "journal.jsonl").is_file():
         from sfkit.cli import runs

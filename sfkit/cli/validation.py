@@ -38,8 +38,7 @@ def tests_of(texts: Sequence[str] | None, guides: Sequence[Benchmark]) -> tuple[
     Raises:
         InputError: one cannot be understood, or shares a pair with what guides.
     """
-    from sfkit.analysis.search_verdict import under_one_unit
-    from sfkit.evaluation.separation import check_separation
+    from sfkit.evaluation.separation import check_separation, under_one_unit
 
     tests = under_one_unit([one.metric for one in guides], [_named("--test", t, None) for t in texts or ()])
     # Named apart from the guides as well.

@@ -35,7 +35,7 @@ class _Rendered:
     make: Callable[[str], Benchmark]
 
 
-SHIPPED = "sfkit.bank"  # stands further right, and is imported when a name is looked up
+SHIPPED = "sfkit.bank.shipped"  # stands further right, and is imported when a name is looked up
 _RENDERED: dict[str, _Rendered] = {}
 
 
@@ -47,7 +47,7 @@ def register_benchmarks(collection: str, names: Iterable[str], make: Callable[[s
 def has_files(name: str) -> bool:
     """Whether the benchmark of that name lies in a folder, which has to be named then."""
     collection = name.partition(":")[0]
-    if collection.startswith(SHIPPED.rpartition(".")[2]):  # what it registers is called after it
+    if collection.startswith(SHIPPED.split(".")[1]):  # what it registers is called after it
         importlib.import_module(SHIPPED)
     return collection not in _RENDERED
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import os
 import socket
+import sys
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sfkit.errors import InputError, ensure_known
@@ -107,16 +110,33 @@ def check_device(name: str, argument: str = "device") -> None:
     kind, _, number = name.partition(":")
     if kind == "cpu":
         return
-    import torch
-
-    if kind == "cuda" and int(number or 0) >= torch.cuda.device_count():
-        raise InputError(
-            f"{argument}: {name} is not there, found {torch.cuda.device_count()} CUDA devices; use cpu"
-        )
-    if kind == "mps" and not torch.backends.mps.is_available():
+    if kind == "cuda" and int(number or 0) >= (count := _cuda_devices()):
+        raise InputError(f"{argument}: {name} is not there, found {count} CUDA devices; use cpu")
+    if kind == "mps" and not _has_metal():
         raise InputError(
             f"{argument}: mps is not there, expected a Mac with Metal and a PyTorch for it; use cpu"
         )
+
+
+def _cuda_devices() -> int:
+    """How many there are; where no driver is installed, torch need not be imported to tell."""
+    rocm = Path("/dev/kfd")  # which its devices are reached through
+    if sys.platform == "linux" and "torch" not in sys.modules and not rocm.exists():
+        try:
+            ctypes.CDLL("libcuda.so.1")
+        except OSError:
+            return 0
+    import torch
+
+    return torch.cuda.device_count()
+
+
+def _has_metal() -> bool:
+    if sys.platform != "darwin" and "torch" not in sys.modules:
+        return False
+    import torch
+
+    return torch.backends.mps.is_available()
 
 
 def ensure_ray() -> None:

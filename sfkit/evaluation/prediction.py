@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from sfkit.colours import SHARE, paint, painted_disparity, range_of
-from sfkit.merging.network import LoadedNetwork
+
+if TYPE_CHECKING:
+    from sfkit.merging.network import LoadedNetwork
 
 Image = NDArray[np.uint8]
 Map = NDArray[np.float32]
@@ -20,16 +22,18 @@ def predict(model: LoadedNetwork, left: Image, right: Image) -> Map:
     return predict_together(model, [(left, right)])[0]
 
 
-@torch.inference_mode()
 def predict_together(model: LoadedNetwork, pairs: Sequence[tuple[Image, Image]]) -> list[Map]:
     """Disparities (H, W) in pixels, on the CPU, of pairs of one size that go through the network at once."""
+    import torch  # here: pictures and plans of predictions do without
+
     device = next((tensor.device for tensor in model.network.parameters()), torch.device("cpu"))
     prepared = [model.inputs.prepare(left, right) for left, right in pairs]
     left, right = (
         torch.cat([getattr(pair, side) for pair in prepared]).to(device) for side in ("left", "right")
     )
-    output = model.network(left, right)
-    maps = output.reshape(len(pairs), *output.shape[-2:]).float().cpu()
+    with torch.inference_mode():
+        output = model.network(left, right)
+        maps = output.reshape(len(pairs), *output.shape[-2:]).float().cpu()
     # Copies: a view would keep the padded maps of the whole batch alive.
     return [pair.window.crop(map_).numpy().copy() for pair, map_ in zip(prepared, maps, strict=True)]
 

@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,7 +21,9 @@ from sfkit.evaluation.point_cloud import depth_of, ensure_centre, point_cloud
 from sfkit.evaluation.prediction import Image, Map, of_right, overview_of, predict, preview_of
 from sfkit.evaluation.self_check import SelfCheck, self_check
 from sfkit.files import ensure_writable
-from sfkit.merging.network import LoadedNetwork
+
+if TYPE_CHECKING:
+    from sfkit.merging.network import LoadedNetwork
 
 FORMS = ("pfm", "png16")
 

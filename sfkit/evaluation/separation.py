@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.digests import file_digest
+from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import InputError
 
 GUIDED = "*"
 """Stands behind the name of what guided a search: its scores are no test."""
+PERCENT = "bad-1.0"
+"""What tests in pixels are measured by where a guide without ground truth is in percent."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,20 @@ def check_separation(
             "and the report says so"
         )
     return Separation(tuple(guide.name for guide in guides), shared, _columns((*guides, *reported)))
+
+
+def under_one_unit(guides: Sequence[str], tests: Sequence[Benchmark]) -> list[Benchmark]:
+    """Tests under their own metrics where these have the guides' unit, else under the guides' metric.
+
+    Args:
+        guides: the metrics that guide; one that needs no ground truth is percent, and ``bad-1.0`` its like.
+        tests: the benchmarks.
+    """
+    guide = Metric.parse(next((name for name in guides if Metric.parse(name).needs_truth), PERCENT))
+    return [
+        one if Metric.parse(one.metric).unit == guide.unit else one.measured_by(metric=guide.name)
+        for one in tests
+    ]
 
 
 def pairs_in_common(seen: Iterable[Benchmark], reported: Iterable[Benchmark]) -> dict[str, tuple[str, ...]]:

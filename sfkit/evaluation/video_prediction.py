@@ -7,6 +7,7 @@ import os
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +26,9 @@ from sfkit.evaluation.prediction_files import (
     write_prediction,
 )
 from sfkit.files import ensure_writable
-from sfkit.merging.network import LoadedNetwork
+
+if TYPE_CHECKING:
+    from sfkit.merging.network import LoadedNetwork
 
 _SETTLE = 0.1  # share of a frame's own colour range in that of the video, so that colours do not flicker
 

@@ -23,7 +23,16 @@ from sfkit.errors import InputError, SfkitError, SfkitWarning, member_of
 from sfkit.evaluation.prediction import predict
 from sfkit.exporting import formats
 from sfkit.exporting.deployed import DeployedNetwork, Sizes
-from sfkit.exporting.forms import SEEN, Form, called, check_target, kind_of, untried
+from sfkit.exporting.forms import (
+    SEEN,
+    Form,
+    called,
+    check_dynamic,
+    check_size,
+    check_target,
+    kind_of,
+    untried,
+)
 from sfkit.files import write_bytes
 from sfkit.merging.network import LoadedNetwork, load_network
 from sfkit.merging.origin import stated_metadata
@@ -33,7 +42,6 @@ Pair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 SIZE = (384, 1248)  # KITTI's images, padded
 TOLERANCE = 1e-3
 """Pixels: what rounding may move the 99th percentile."""
-_MOST = 2**26  # pixels of an image: more than any camera of a pair has
 
 
 MAKERS: dict[
@@ -116,15 +124,9 @@ def export_network(
     """
     path, form = Path(path), member_of(Form, "format", form)
     out = check_target(out, form, overwrite=overwrite)
-    if dynamic and size is not None:
-        raise InputError("size: found a size beside dynamic, expected one of the two")
-    if dynamic and form is Form.TORCHSCRIPT:
-        raise InputError(
-            "TorchScript: a trace holds one size, found dynamic sizes; give a size, or another format"
-        )
-    if pair is not None and size is not None and pair[0].shape[:2] != tuple(size):
-        height, width = pair[0].shape[:2]
-        raise InputError(f"size: found {size[0]}x{size[1]} and a pair of {height}x{width}, expected the same")
+    if dynamic:
+        check_dynamic(form, size)
+    check_size(size, pair)
     loaded = load_network(path, name=architecture, options=options)
     kind = kind_of(loaded)
     if (reason := SEEN.get(kind, {}).get((form, dynamic))) is not None:
@@ -179,11 +181,8 @@ def rendered_pair(size: tuple[int, int]) -> Pair:
     Raises:
         InputError: a size below 16 pixels, or of more than 2**26 pixels.
     """
+    check_size(size)
     height, width = size
-    if min(size) < 16:
-        raise InputError(f"size: found {height}x{width}, expected at least 16 pixels")
-    if height * width > _MOST:
-        raise InputError(f"size: found {height}x{width}, expected at most {_MOST:,} pixels, as 8192x8192 has")
     rendered = synthetic_pair(next(iter(domains().values())), 0, split="held-out", height=height, width=width)
     return rendered.left, rendered.right
 

@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING
 
 from sfkit.checkpoints.headers import WRITTEN_SUFFIXES
 from sfkit.checkpoints.targets import check_file
+from sfkit.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from sfkit.merging.network import LoadedNetwork
 
 
@@ -28,6 +32,7 @@ ENDINGS = {
     Form.TORCHSCRIPT: (".pt", ".ts"),
     Form.PTH: WRITTEN_SUFFIXES,
 }
+_MOST = 2**26  # pixels of an image: more than any camera of a pair has
 _RESIZES = (
     "its monocular branch resizes every image by a factor that the file would keep from the size it was made "
     "at; give a size"
@@ -76,6 +81,38 @@ def check_target(out: str | Path, form: Form, *, overwrite: bool) -> Path:
         InputError: as :func:`sfkit.checkpoints.targets.check_file`.
     """
     return check_file(Path(out), f"format {form.value!r}", ENDINGS[form], overwrite=overwrite)
+
+
+def check_dynamic(form: Form, size: tuple[int, int] | None) -> None:
+    """Refuse what cannot take images of any size.
+
+    Raises:
+        InputError: a size was given too, or the format holds one.
+    """
+    if size is not None:
+        raise InputError("size: found a size beside dynamic, expected one of the two")
+    if form is Form.TORCHSCRIPT:
+        raise InputError(
+            "TorchScript: a trace holds one size, found dynamic sizes; give a size, or another format"
+        )
+
+
+def check_size(size: tuple[int, int] | None, pair: tuple[NDArray[np.uint8], ...] | None = None) -> None:
+    """Refuse a (height, width) that no image has, or that is not that of ``pair``; None says nothing.
+
+    Raises:
+        InputError: what was found, and the limits.
+    """
+    if size is None:
+        return
+    height, width = size
+    if pair is not None and pair[0].shape[:2] != tuple(size):
+        high, wide = pair[0].shape[:2]
+        raise InputError(f"size: found {height}x{width} and a pair of {high}x{wide}, expected the same")
+    if min(size) < 16:
+        raise InputError(f"size: found {height}x{width}, expected at least 16 pixels")
+    if height * width > _MOST:
+        raise InputError(f"size: found {height}x{width}, expected at most {_MOST:,} pixels, as 8192x8192 has")
 
 
 def kind_of(loaded: LoadedNetwork) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.factory.file import Factory, Order
-from sfkit.training.finetune import intended, starting_point, training_folder
+from sfkit.training.finetune import intended, starting_point
+from sfkit.training.places import training_folder
 
 DONE, RUNNING, STALE, MISSING = "done", "begun", "stale", "missing"
 IGNORED = ("versions",)  # a newer sfkit or torch makes no source stale

@@ -8,9 +8,13 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from sfkit.checkpoints.fingerprints import text_digest
-from sfkit.errors import InputError
+from sfkit.errors import InputError, unknown_name
 
 OUTSIDE = -1  # the block number of a tensor that no pattern matches
+WAYS = ("modules", "disagreement")
+"""How :func:`~sfkit.merging.partitions.auto_partition` makes blocks."""
+BLOCKS = 4
+"""As many as the paper's architectures have."""
 
 
 @dataclass(frozen=True)
@@ -60,3 +64,17 @@ class BlockPartition:
     def fingerprint(self) -> str:
         """Identity of the partition, for the keys of routed recipes."""
         return text_digest(json.dumps([list(self.names), [list(p) for p in self.patterns]]))
+
+
+def parse_partition(text: str) -> tuple[str, int]:
+    """``"modules"`` or ``"disagreement:6"`` as way and number of blocks.
+
+    Raises:
+        InputError: the text is neither.
+    """
+    way, colon, number = text.partition(":")
+    if way not in WAYS:
+        raise unknown_name("way to partition", way, WAYS)
+    if colon and not (number.isdecimal() and int(number) >= 1):
+        raise InputError(f"blocks: found {text!r}, expected a number of blocks after the colon, as {way}:4")
+    return way, int(number) if colon else BLOCKS

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import torch
 
-from sfkit.merging.cache import default_folder, ensure_room
+from sfkit.files import default_folder
+from sfkit.merging.cache import ensure_room
 
 MAPPED_ABOVE = 16 << 20  # bytes; a task vector larger than this lives in a mapped file
 

@@ -18,13 +18,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import platformdirs
 import torch
 
 from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.checkpoints.reading import CheckpointFile
 from sfkit.errors import InputError
-from sfkit.files import signature, write_text, writing
+from sfkit.files import default_folder, signature, write_text, writing
 
 LIMIT = 40 << 30  # bytes; the task vectors used longest ago go first
 RECORDS = 1000  # checkpoints to remember, some 40 kB each; those read longest ago go first
@@ -175,18 +174,6 @@ class VectorCache:
 
     def _folder(self, name: str) -> Path:
         return self.folder / f"v{VERSION}" / name
-
-
-def default_folder() -> Path:
-    """``SFKIT_CACHE``, or ``sfkit`` in the user's cache folder.
-
-    Raises:
-        InputError: ``SFKIT_CACHE`` names a file.
-    """
-    folder = Path(os.environ.get("SFKIT_CACHE") or platformdirs.user_cache_dir("sfkit"))
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: SFKIT_CACHE names a file, expected a folder")
-    return folder
 
 
 def ensure_room(folder: Path, size: int) -> None:

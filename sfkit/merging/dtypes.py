@@ -11,14 +11,11 @@ from dataclasses import replace
 
 import torch
 
+from sfkit.checkpoints.targets import DTYPE_NAMES
 from sfkit.errors import InputError, ensure_known
 from sfkit.merging.pool import Pool
 
-DTYPES: Mapping[str, torch.dtype] = {
-    "float32": torch.float32,
-    "float16": torch.float16,
-    "bfloat16": torch.bfloat16,
-}
+DTYPES: Mapping[str, torch.dtype] = {name: getattr(torch, name) for name in DTYPE_NAMES}
 
 
 def written_as(pool: Pool, dtype: str | None) -> Pool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
@@ -24,6 +24,7 @@ from sfkit.checkpoints.kinship import Kinship, KinshipSums
 from sfkit.checkpoints.layouts import Wrapping
 from sfkit.checkpoints.spec import PoolSpec
 from sfkit.checkpoints.stored import StoredFile, stored_file
+from sfkit.errors import unknown_name
 from sfkit.merging.blocks import BlockPartition
 
 if TYPE_CHECKING:
@@ -150,9 +151,7 @@ def relations(spec: PoolSpec) -> Relations | None:
         InputError: a file cannot be read.
     """
     entry = table().get(spec.architecture)
-    if entry is None or not entry.blocks or spec.blocks or spec.partition or spec.module:
-        return None
-    if not all(n in entry.options and n in _NEUTRAL and _NEUTRAL[n](v) for n, v in spec.options.items()):
+    if entry is None or spec.blocks or spec.partition or partition_of(spec) is None:
         return None
     members = (spec.base, *spec.sources)
     if any(member.wrapping not in (None, Wrapping()) for member in members):
@@ -178,6 +177,28 @@ def relations(spec: PoolSpec) -> Relations | None:
         if block >= 0 and any(arrays[key].tobytes() != theirs.tobytes() for arrays in sound.values()):
             sizes[partition.names[block]] += theirs.size
     return Relations(kinships, sizes)
+
+
+def ensure_options(name: str, given: Iterable[str]) -> None:
+    """Refuse options that an architecture which is known here does not have; of others nothing is said.
+
+    Raises:
+        InputError: as :meth:`Architecture.resolve <sfkit.architectures.registry.Architecture.resolve>`.
+    """
+    if name in table() and nobody_registered():
+        for key in given:
+            if key not in table()[name].options:
+                raise unknown_name(f"option of architecture {name!r}", key, table()[name].options)
+
+
+def partition_of(spec: PoolSpec) -> Mapping[str, tuple[str, ...]] | None:
+    """Block -> globs, as the architecture that comes with sfkit has them; None where options may matter."""
+    entry = table().get(spec.architecture)
+    if entry is None or not entry.blocks or spec.module or not nobody_registered():
+        return None
+    told = spec.options.items()
+    plain = all(name in entry.options and name in _NEUTRAL and _NEUTRAL[name](v) for name, v in told)
+    return entry.blocks if plain else None
 
 
 def _sound(

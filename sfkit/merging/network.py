@@ -14,7 +14,7 @@ from sfkit.architectures import Architecture, InputConvention, architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
 from sfkit.merging.members import PoolOpener
-from sfkit.merging.origin import read_origin
+from sfkit.merging.origin import read_origin, undescribed
 from sfkit.merging.recognition import whose_keys
 from sfkit.merging.tensor_specs import tensor_specs
 
@@ -74,7 +74,7 @@ def _architecture(
     """The registry's entry and all its options: as given, else as the file says."""
     origin = read_origin(path)
     if name is None and origin is None:
-        raise InputError(f"{path}: does not say its architecture, name it (--architecture anynet)")
+        raise undescribed(path)
     stated = origin.architecture if origin else {"name": name, "options": {}}
     try:
         entry = architecture(name or stated["name"])

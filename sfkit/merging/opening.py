@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,23 +9,15 @@ from pathlib import Path
 from sfkit.architectures.registry import entry_for
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
 from sfkit.errors import InputError, SfkitWarning
-from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.blocks import BlockPartition, parse_partition
 from sfkit.merging.cache import VectorCache
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.members import Checked, PoolOpener, assemble
-from sfkit.merging.partitions import auto_partition, parse_partition
+from sfkit.merging.named import named_pool
+from sfkit.merging.partitions import auto_partition
 from sfkit.merging.pool import Pool
 from sfkit.merging.recognition import whose_keys
 from sfkit.merging.tensor_specs import specs_of, undrawn
-
-SHIPPED = "sfkit.bank"  # stands further right, and is imported when a name is looked up
-_NAMED: dict[str, Path] = {}
-"""Pools that are opened by name: they come with sfkit, and register themselves."""
-
-
-def register_pool(name: str, path: Path) -> None:
-    """Let :func:`open_pool` know a pool by name: what ships with sfkit has no path that users would know."""
-    _NAMED[name] = path
 
 
 def open_pool(
@@ -56,10 +47,7 @@ def open_pool(
         InputError: anything in the description or the files is not as it must be; see
             :mod:`sfkit.checkpoints`.
     """
-    if isinstance(path, str):
-        importlib.import_module(SHIPPED)
-        path = _NAMED.get(path, path)
-    spec = path if isinstance(path, PoolSpec) else read_pool_spec(path)
+    spec = path if isinstance(path, PoolSpec) else read_pool_spec(named_pool(path))
     wanted = spec.partition if blocks is None else blocks
     automatic = parse_partition(wanted) if isinstance(wanted, str) else None
     entry = entry_for(spec.architecture, spec.module, spec.path.parent if spec.path else None)

@@ -16,13 +16,9 @@ from numpy.typing import NDArray
 
 from sfkit.checkpoints.checks import Kind
 from sfkit.errors import InputError, ensure_known
-from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.blocks import BLOCKS, WAYS, BlockPartition
 from sfkit.merging.pool import Pool
 from sfkit.settings import require_whole
-
-WAYS = ("modules", "disagreement")
-BLOCKS = 4
-"""As many as the paper's architectures have."""
 
 _CHUNK = 1 << 20
 """Elements of every task vector that are looked at together: bounds the memory of big pools."""
@@ -75,19 +71,6 @@ def auto_partition(pool: Pool, blocks: int = BLOCKS, by: str = "modules") -> Blo
     require_whole("blocks", blocks, 1)
     groups = _by_modules(pool, blocks) if by == "modules" else _by_disagreement(pool, blocks)
     return BlockPartition.of({f"part{n}": patterns for n, patterns in enumerate(groups, start=1)})
-
-
-def parse_partition(text: str) -> tuple[str, int]:
-    """``"modules"`` or ``"disagreement:6"`` as way and number of blocks.
-
-    Raises:
-        InputError: the text is neither.
-    """
-    way, colon, number = text.partition(":")
-    ensure_known("way to partition", way, WAYS)
-    if colon and not (number.isdecimal() and int(number) >= 1):
-        raise InputError(f"blocks: found {text!r}, expected a number of blocks after the colon, as {way}:4")
-    return way, int(number) if colon else BLOCKS
 
 
 def disagreements(pool: Pool) -> tuple[Disagreement, ...]:

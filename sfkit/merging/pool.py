@@ -16,12 +16,13 @@ from sfkit.architectures import Architecture
 from sfkit.cards import card
 from sfkit.checkpoints.checks import TensorSpec
 from sfkit.checkpoints.spec import PoolSpec
-from sfkit.errors import InputError, ensure_known
+from sfkit.errors import InputError
 from sfkit.merging.blocks import BlockPartition
 from sfkit.merging.flat import FlatLayout
 from sfkit.merging.live import LiveModel
 from sfkit.merging.members import Checked, PoolOpener
 from sfkit.merging.recipe import Recipe
+from sfkit.merging.roster import sources_of
 from sfkit.merging.steps import Step, describe
 from sfkit.merging.unchanged import ensure_unchanged
 from sfkit.merging.vectors import TaskVectors
@@ -110,12 +111,7 @@ class Pool:
         Raises:
             InputError: a name is no source of the pool (the nearest is suggested), or stands twice.
         """
-        chosen = tuple(names)
-        for name in chosen:
-            ensure_known(f"source of pool {self.name!r}", name, self.identity)
-        if len(set(chosen)) != len(chosen):
-            raise InputError(f"subset {', '.join(chosen)} names a source twice, expected each once")
-        return chosen
+        return sources_of(self.name, self.identity, names)
 
     def equal(self, *names: str) -> Recipe:
         """The equal-weight merge of the named sources."""

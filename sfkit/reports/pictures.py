@@ -8,7 +8,6 @@ import html
 import json
 import os
 import re
-import shutil
 import subprocess
 import tempfile
 import urllib.parse
@@ -20,14 +19,13 @@ from typing import Any
 from nbformat import NotebookNode
 from plotly.offline import get_plotlyjs
 
-from sfkit.errors import InputError, SfkitError
+from sfkit.errors import SfkitError
 from sfkit.files import write_bytes
+from sfkit.reports.browsers import KINDS, check_pictures
 from sfkit.reports.page import PLOTLY_MIME
 
-KINDS = ("svg", "png")
 WIDTH = 1000
 """Width of a picture in CSS pixels; a PNG has twice as many."""
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FLAGS = (
     "--headless",
     "--disable-gpu",
@@ -49,24 +47,6 @@ PAGE = """<!doctype html>
 <body>
 <script>{script}</script>
 """
-
-
-def check_pictures(kind: str) -> Path:
-    """The Chromium that would draw, before anything is run.
-
-    Raises:
-        InputError: another kind than ``svg`` or ``png``, or no Chromium on the path.
-    """
-    if kind not in KINDS:
-        raise InputError(f"figures: found {kind!r}, expected {' or '.join(KINDS)}")
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if found is None:
-        named = ", ".join(BROWSERS)
-        raise InputError(
-            f"figures: found no Chromium to draw {kind.upper()} files with, expected one of {named} on the "
-            "path: install the distribution's, or leave this out; the HTML file holds every figure"
-        )
-    return Path(found)
 
 
 def write_pictures(notebook: NotebookNode, folder: Path, kind: str) -> tuple[Path, ...]:

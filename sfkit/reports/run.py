@@ -18,10 +18,11 @@ from papermill.exceptions import PapermillExecutionError
 
 from sfkit.errors import InputError, SfkitError
 from sfkit.files import ensure_writable, write_text
+from sfkit.reports.browsers import check_pictures
 from sfkit.reports.kernel import ThisInterpreter, Watcher
 from sfkit.reports.page import Failure, NotebookRun, render_page
 from sfkit.reports.parameters import check_parameters, parameter_defaults, read_notebook
-from sfkit.reports.pictures import check_pictures, write_pictures
+from sfkit.reports.pictures import write_pictures
 
 
 class ReportError(SfkitError):

@@ -25,10 +25,10 @@ from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.base import Search
+from sfkit.search.checks import check_choice
 from sfkit.search.journal import Journal
 from sfkit.search.records import Candidate
 from sfkit.search.routing import RoutingSearch
-from sfkit.search.routing_records import RoutingSettings
 from sfkit.settings import require_whole
 from sfkit.streams import Stream, generator
 
@@ -174,20 +174,6 @@ def check_averaging(scorer: Scorer) -> tuple[Evaluator, ...]:
             "add some, or leave resamples at 0"
         )
     return known
-
-
-def check_choice(settings: RoutingSettings) -> None:
-    """Refuse a Stage 2 that does not choose by the score alone, which is what is resampled.
-
-    Raises:
-        InputError: a hold-out, or a penalty.
-    """
-    for name in ("holdout", "entropy", "shrinkage"):
-        if value := getattr(settings, name):
-            raise InputError(
-                f"resamples: found {name} {value}, by which Stage 2 chooses otherwise than by the score that "
-                f"is resampled, expected one of the two: leave resamples or {name} at 0"
-            )
 
 
 def resampled(scorer: Scorer, recipes: Sequence[Recipe], resamples: int, seed: int) -> Scores:

@@ -9,6 +9,7 @@ from sfkit.settings import require_between, require_whole
 
 METHODS = ("paper", "bayesian")
 """Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
+MOST_RESAMPLES = 10_000  # more take memory, and tell nothing that these did not
 LARGEST_POPULATION = 100_000
 """Candidates that are held at the same time; what is far above is a slip, and would fill the memory."""
 
@@ -48,6 +49,49 @@ def require_known(argument: str, names: Iterable[str], allowed: Iterable[str], k
     for name in names:
         if name not in known:
             raise InputError(f"{argument}: {unknown_name(kind, name, known)}")
+
+
+def check_parts(subset: object | None, stage2: object | None, start: object | None) -> None:
+    """Refuse a search without anything to search, or a start for sources that nobody has chosen.
+
+    Raises:
+        InputError: what was found, and what is missing.
+    """
+    if subset is not None and stage2 is None:
+        raise InputError("found a subset and no Stage 2, expected something to search")
+    if subset is None and start is not None:
+        raise InputError(
+            "found a recipe to start Stage 2 from and no subset, expected both: Stage 1 may find another "
+            "subset than the recipe's"
+        )
+
+
+def check_choice(settings: object) -> None:
+    """Refuse a Stage 2 that does not choose by the score alone, which is what is resampled.
+
+    Raises:
+        InputError: a hold-out, or a penalty.
+    """
+    for name in ("holdout", "entropy", "shrinkage"):
+        if value := getattr(settings, name):
+            raise InputError(
+                f"resamples: found {name} {value}, by which Stage 2 chooses otherwise than by the score that "
+                f"is resampled, expected one of the two: leave resamples or {name} at 0"
+            )
+
+
+def check_resamples(resamples: object, stage2: object | None) -> int:
+    """Refuse a number of resamples that cannot be drawn, or a Stage 2 that they do not suit.
+
+    Raises:
+        InputError: what was found, and as :func:`check_choice`.
+    """
+    count = require_whole("resamples", resamples, 0)
+    if count > MOST_RESAMPLES:
+        raise InputError(f"resamples: found {count}, expected at most {MOST_RESAMPLES}")
+    if count and stage2 is not None:
+        check_choice(stage2)
+    return count
 
 
 def check_rank(rank: int | None, tied: bool) -> None:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search.checks import check_gamma, check_rank, require_known
+from sfkit.search.constraints import Constraints
+from sfkit.search.routing_records import RoutingSettings
 
 Vector = NDArray[np.float64]
 
@@ -214,6 +216,20 @@ class Encoding:
             unequal = any(abs(weight - equal) > _SUM_TOLERANCE for weight in row)
             if block in self.frozen and not self.tied and unequal:
                 raise InputError(f"{where} is frozen but has weights {list(row)}, expected equal ones")
+
+
+def encoding_of(
+    subset: tuple[str, ...], blocks: tuple[str, ...], settings: RoutingSettings, constraints: Constraints
+) -> Encoding:
+    """What Stage 2 moves over these sources and blocks.
+
+    Raises:
+        InputError: fewer than two sources, an unknown name, a subset that breaks the constraints, or nothing
+            left to move.
+    """
+    constraints.check_subset(subset, blocks)
+    moved = (settings.gamma, settings.tied, settings.scaled, constraints.frozen_blocks, settings.rank)
+    return Encoding(subset, blocks, *moved)
 
 
 def softmax(logits: Vector) -> tuple[float, ...]:

@@ -14,20 +14,20 @@ from sfkit.evaluation.known import Known, known_evaluations
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
-from sfkit.search.averaging import check_averaging, check_choice
+from sfkit.search.averaging import check_averaging
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
-from sfkit.search.checks import METHODS
+from sfkit.search.checks import METHODS, check_parts, check_resamples
 from sfkit.search.constraints import Constraints
+from sfkit.search.encoding import encoding_of
 from sfkit.search.journal import Journal
-from sfkit.search.routing import RoutingSearch, encoding_of
+from sfkit.search.routing import RoutingSearch
 from sfkit.search.routing_records import RoutingSettings
 from sfkit.search.run_folder import NAMES
 from sfkit.search.subset import SubsetSearch
 from sfkit.settings import require_whole
 
-MOST_RESAMPLES = 10_000  # more take memory, and tell nothing that these did not
 _PROPOSED = BayesianSubsetSettings().generations
 _SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
 
@@ -54,18 +54,8 @@ class SearchPlan:
     resamples: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "resamples", require_whole("resamples", self.resamples, 0))
-        if self.resamples > MOST_RESAMPLES:
-            raise InputError(f"resamples: found {self.resamples}, expected at most {MOST_RESAMPLES}")
-        if self.subset is not None and self.stage2 is None:
-            raise InputError("found a subset and no Stage 2, expected something to search")
-        if self.subset is None and self.start is not None:
-            raise InputError(
-                "found a recipe to start Stage 2 from and no subset, expected both: Stage 1 may find another "
-                "subset than the recipe's"
-            )
-        if self.resamples and self.stage2 is not None:
-            check_choice(self.stage2)
+        object.__setattr__(self, "resamples", check_resamples(self.resamples, self.stage2))
+        check_parts(self.subset, self.stage2, self.start)
 
     @property
     def seed(self) -> int:

@@ -22,7 +22,7 @@ from sfkit.search.base import Search
 from sfkit.search.checks import distinct_names
 from sfkit.search.cma_es import CmaEs, default_population, finite_fitness
 from sfkit.search.constraints import Constraints
-from sfkit.search.encoding import Encoding, Vector, mean_entropy
+from sfkit.search.encoding import Vector, encoding_of, mean_entropy
 from sfkit.search.journal import Journal
 from sfkit.search.routing_records import (
     Distribution,
@@ -32,20 +32,6 @@ from sfkit.search.routing_records import (
     routing_history,
 )
 from sfkit.search.scoring import score_once
-
-
-def encoding_of(
-    subset: tuple[str, ...], blocks: tuple[str, ...], settings: RoutingSettings, constraints: Constraints
-) -> Encoding:
-    """What Stage 2 moves over these sources and blocks.
-
-    Raises:
-        InputError: fewer than two sources, an unknown name, a subset that breaks the constraints, or nothing
-            left to move.
-    """
-    constraints.check_subset(subset, blocks)
-    moved = (settings.gamma, settings.tied, settings.scaled, constraints.frozen_blocks, settings.rank)
-    return Encoding(subset, blocks, *moved)
 
 
 class RoutingSearch(Search[RoutingCandidate]):

@@ -33,13 +33,12 @@ from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.outside import parse_json
 from sfkit.training.loop import Course, Listener, TrainingTask, train
+from sfkit.training.places import training_folder
 from sfkit.training.recipes import TrainingRecipe, recipe_of
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
 
 KEY = "sfkit.training"
-OUTPUTS = ("training.csv", "training.json")
-"""What a training leaves in its folder, besides its states."""
 COLUMNS = ("step", "loss", "gradient_norm", "rate")
 
 
@@ -192,11 +191,6 @@ def _made(
         "licence": licence or data.licence,
         "versions": {"sfkit": version("sfkit"), "torch": torch.__version__},
     }
-
-
-def training_folder(out: Path) -> Path:
-    """Where a training keeps its states and its curve."""
-    return out.with_name(f"{out.stem}.training")
 
 
 def read_training(path: str | Path) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ import pytest
 
 from sfkit.analysis import training_curve
 from sfkit.errors import InputError
-from sfkit.training.finetune import training_folder
+from sfkit.training.places import training_folder
 
 ROWS = "step,loss,gradient_norm,rate,validation\n1,4.0,9.0,0.001,\n2,2.0,8.0,0.002,30.5\n3,1.0,7.0,0.001,\n"
 

@@ -9,7 +9,7 @@ import torch
 from safetensors.torch import load_file
 
 from sfkit import InputError, bank
-from sfkit.bank.build import pool_toml
+from sfkit.bank.building import pool_toml
 from sfkit.bank.measure import constant_guess, errors
 from sfkit.bank.plan import TrainingPlan, bank_plan
 from sfkit.bank.training import new_network

@@ -13,7 +13,7 @@ from safetensors.torch import load_file
 import sfkit
 from sfkit import InputError, bank
 from sfkit.bank import sharp
-from sfkit.bank.build import pool_toml
+from sfkit.bank.building import pool_toml
 from sfkit.bank.measure import errors
 from sfkit.bank.plan import SHARP
 from sfkit.bank.training import new_network
@@ -138,7 +138,7 @@ def test_an_unknown_network_is_refused_and_one_without_joint_says_so(tmp_path: P
 def test_a_joint_network_stands_beside_the_wall_seconds_of_its_training(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(bank, "pool_path", lambda name: tmp_path / "pool.toml")
+    monkeypatch.setattr("sfkit.bank.shipped.pool_path", lambda name: tmp_path / "pool.toml")
     (tmp_path / "trainings.json").write_text('{"haze": {"seconds": 9.0}, "joint": {"seconds": 3600.5}}')
     assert bank.joint_training("any") == (None, None), "its file is missing"
     (tmp_path / "joint.safetensors").touch()

@@ -15,7 +15,7 @@ from bank_fingerprints import agree, read_fingerprints
 import sfkit
 from sfkit import bank
 from sfkit.bank import sharp
-from sfkit.bank.build import pool_toml
+from sfkit.bank.building import pool_toml
 from sfkit.bank.fingerprints import fingerprint
 from sfkit.bank.plan import BANKS, SHARP
 from sfkit.checkpoints.spec import Member

@@ -13,7 +13,7 @@ from bank_fingerprints import agree, read_fingerprints
 from safetensors.torch import load_file
 
 from sfkit import InputError, bank, open_pool
-from sfkit.bank.build import pool_toml
+from sfkit.bank.building import pool_toml
 from sfkit.bank.fingerprints import fingerprint
 from sfkit.bank.measure import errors, held_out_pairs
 from sfkit.bank.plan import BANK

@@ -11,7 +11,7 @@ from safetensors.torch import load_file
 
 import sfkit
 from sfkit import bank
-from sfkit.bank.build import pool_toml
+from sfkit.bank.building import pool_toml
 from sfkit.bank.measure import errors, held_out_pairs
 from sfkit.bank.plan import BANK, SLIM
 from sfkit.bank.training import new_network

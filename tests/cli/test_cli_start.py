@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from safetensors.torch import load_file
 from tiny import write_pool
 
 import sfkit
+from sfkit.architectures.names import SHIPPED
+from sfkit.architectures.registry import _REGISTRY, named
+from sfkit.baselines import baseline_named, baselines
 from sfkit.checkpoints.headers import read_texts
+from sfkit.cli.baselines import METHODS, ORACLES
 from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.groups import first_paragraph
 from sfkit.cli.inspection import inspect_file
 from sfkit.cli.options import NAMED
+from sfkit.datasets.formats import write_png
 from sfkit.errors import InputError
 
 HEAVY = (
@@ -37,6 +44,14 @@ HEAVY = (
 
 def test_pools_that_come_with_sfkit_are_known_by_name_before_any_is_opened() -> None:
     assert set(NAMED) == set(sfkit.bank.banks())
+
+
+def test_what_comes_with_sfkit_is_known_by_name_before_torch_is_imported() -> None:
+    builders = {name: named(entry.build) for name, entry in _REGISTRY.items()}
+    assert set(SHIPPED) == {n for n, builder in builders.items() if builder.__module__.startswith("sfkit.")}
+    own = [name for name in baselines() if baseline_named(name).function.__module__.startswith("sfkit.")]
+    assert list(METHODS) == own
+    assert set(ORACLES) == {name for name in METHODS if baseline_named(name).oracle}
 
 
 def write_torch_files(pool: Path, folder: Path) -> None:
@@ -68,6 +83,7 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         'name = "p"\narchitecture = "anynet"\n[base]\nfile = "net.safetensors"\n[sources.a]\nfile = "a.tar"\n'
     )
     (tmp_path / "bad.toml").write_text("[base")
+    (tmp_path / "unknown.toml").write_text((tmp_path / "pool.toml").read_text().replace("anynet", "anynett"))
     write_torch_files(tmp_path / "pool", tmp_path / "torch")
     lines = {
         "--help": 0,
@@ -104,11 +120,43 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         f"show {tmp_path / 'pool' / 'a.safetensors'}": 0,
         f"show {tmp_path / 'torch' / 'a.tar'}": 0,
     }
+    network, world = tmp_path / "net.safetensors", "-b bank:courtyard"
+    for name in ("left.png", "right.png"):
+        write_png(tmp_path / name, np.zeros((64, 64, 3), np.uint8))
+    views = f"--left {tmp_path / 'left.png'} --right {tmp_path / 'right.png'} -o {tmp_path / 'out'}"
+    lines |= {
+        "search bank --blocks modul -b eth3d": 2,
+        "search bank --dtype int8 -b eth3d": 2,
+        "search bank --subset haze --evaluations 0 -b eth3d": 2,
+        "search bank --batch 0 -b eth3d": 2,
+        "search bank --include nobody -b eth3d": 2,
+        "search bank --exclude nobody -b eth3d": 2,
+        "search bank --frozen nobody -b eth3d": 2,
+        "search bank --start nothing.json -b eth3d": 2,
+        f"search {tmp_path / 'unknown.toml'} -b eth3d": 2,
+        "evaluate bank --subset nobody -b eth3d": 2,
+        "merge bank --weights nobody=1 -o new.safetensors": 2,
+        "baselines bank --names nobody -b eth3d": 2,
+        "baselines bank --names single_best_oracle -b eth3d": 2,
+        f"export {network} --size 9x9": 2,
+        f"export {network} --size 64x64 --dynamic": 2,
+        "report --figures gif -o page.html": 2,
+        f"demo --out {network}": 2,
+        "runs page nowhere": 2,
+        "runs export nothing.sqlite -o new.csv": 2,
+        "runs import nothing.sqlite --into new.sqlite": 2,
+    }
+    if not shutil.which("nvidia-smi"):  # where one is, torch alone knows what there is
+        lines |= {
+            "search bank --device cuda:77 -b eth3d": 2,
+        }
     with_numpy = {
         f"show {tmp_path / 'pool'}": 0,
         f"show {tmp_path / 'torch'}": 0,
         f"show {tmp_path / 'torch' / 'pool.toml'}": 0,
         f"init {tmp_path / 'pool'} --force": 0,
+        "search bank --subset haze -b eth3d": 2,
+        "show bank-sharp": 0,
     }
     with_cv2 = {
         f"runs list {tmp_path}": 0,
@@ -116,6 +164,22 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "search bank -b eth3d": 2,
         "compare a.pth b.pth -b kitty -r here": 2,
         "baselines bank -b eth3d -r nowhere": 2,
+        "search bank -b bank:nowhere": 2,
+        f"search bank {world} --metric bad": 2,
+        f"search bank {world} --combine best": 2,
+        f"search bank {world} --test nothing": 2,
+        f"search bank {world} --test bank:courtyard": 2,
+        f"compare {network} {tmp_path / 'pool' / 'a.safetensors'} {world}": 2,
+        f"predict {network} --left l.png --right r.png": 2,
+        f"predict {network} --left l.png --right r.png --form png": 2,
+        f"predict {tmp_path / 'torch' / 'a.tar'} {views}": 2,
+        f"predict {network} --architecture nobody {views}": 2,
+        f"predict {network} --option nobody=1 {views}": 2,
+        f"compare {network} {tmp_path / 'torch' / 'a.tar'} {world}": 2,
+        "data check nothing -r .": 2,
+        "bank build nobody": 2,
+        f"finetune {network} nothing -r . -o new.safetensors": 2,
+        f"finetune {network} pairs -r . -o new.safetensors --crop wide": 2,
     }
     # One process for all: what one line imports would show in all that follow.
     ran = subprocess.run(

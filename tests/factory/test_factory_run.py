@@ -31,7 +31,7 @@ from sfkit.factory import (
 )
 from sfkit.factory.run import warn_of_seen_pairs
 from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
-from sfkit.merging.cache import default_folder
+from sfkit.files import default_folder
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook
 from sfkit.training.finetune import finetune

@@ -20,7 +20,8 @@ from sfkit.checkpoints.checks import Kind
 from sfkit.checkpoints.spec import Member, PoolSpec, read_pool_spec
 from sfkit.errors import InputError
 from sfkit.merging import BlockPartition, Pool, open_pool
-from sfkit.merging.partitions import WAYS, _clusters, _cuts, auto_partition, disagreements, parse_partition
+from sfkit.merging.blocks import WAYS, parse_partition
+from sfkit.merging.partitions import _clusters, _cuts, auto_partition, disagreements
 
 
 @register_architecture("tower", blocks={"all": ["*"]}, version="1")

@@ -21,8 +21,9 @@ import sfkit
 from sfkit.datasets.pairs import MemoryPair, Sample
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.training import Augmentation, TrainingSettings
-from sfkit.training.finetune import finetune, read_training, training_folder
+from sfkit.training.finetune import finetune, read_training
 from sfkit.training.loop import Course
+from sfkit.training.places import training_folder
 from sfkit.training.settings import Precision
 
 NAME, OPTIONS = "anynet", {"ranges": [2, 2, 2], "spn": False}

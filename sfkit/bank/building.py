@@ -20,8 +20,9 @@ from sfkit.datasets.synthetic import Domain
 from sfkit.errors import ensure_known
 from sfkit.evaluation.table import ProgressCallback
 from sfkit.files import write_text, writing
-from sfkit.training.finetune import finetune, training_folder
+from sfkit.training.finetune import finetune
 from sfkit.training.loop import Course, Listener
+from sfkit.training.places import training_folder
 from sfkit.training.settings import TrainingSettings
 
 LICENCE = "Apache-2.0"
