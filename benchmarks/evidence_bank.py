@@ -19,7 +19,8 @@ from sfkit.bank.plan import bank_plan
 from sfkit.bank.rendered import RenderedPair
 from sfkit.datasets import Benchmark
 from sfkit.merging import Pool
-from sfkit.merging.partitions import WAYS, auto_partition
+from sfkit.merging.blocks import WAYS
+from sfkit.merging.partitions import auto_partition
 
 WORLDS = [name for name in benchmarks() if name != VALIDATION]
 POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
