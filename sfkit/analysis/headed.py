@@ -114,8 +114,8 @@ class ShownTable:
             yield f"<tr>{heads}{cells}</tr>"
 
     def _cell(self, value: object, mark: str) -> str:
-        said = escape(_said(value, self.digits))
-        return f"<{_TAGS[mark]}>{said}</{_TAGS[mark]}>" if mark in _TAGS else said
+        text = escape(_cell_text(value, self.digits))
+        return f"<{_TAGS[mark]}>{text}</{_TAGS[mark]}>" if mark in _TAGS else text
 
     def _kind(self, place: int, row: object = None) -> str:
         """Text stands left; what guided is tinted by the page: a column, or the cells of rows with guides."""
@@ -214,7 +214,7 @@ def _mean(table: pd.DataFrame, kinds: Mapping[str, tuple[str, bool]], names: lis
     return table[names].mean(axis=1, skipna=False) if one_kind else np.nan
 
 
-def _said(value: object, digits: int) -> str:
+def _cell_text(value: object, digits: int) -> str:
     if value is None or value is pd.NA or value != value:
         return "–"
     # Before whole numbers, which Python counts truth values among.

@@ -85,8 +85,8 @@ class Group:
     def spread(self, record: Any) -> dict[str, Any]:
         """The other way: what the options would have to say for that record, by parameter."""
         types, parameters = get_type_hints(self.record), self.options()
-        said = {parameters[name].name: _said(types[name], getattr(record, name)) for name in parameters}
-        return {name: value for name, value in said.items() if value is not None}
+        given = {parameters[name].name: _as_option(types[name], getattr(record, name)) for name in parameters}
+        return {name: value for name, value in given.items() if value is not None}
 
 
 def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
@@ -227,7 +227,7 @@ def _size_or_none(parameter: str, text: str) -> tuple[int, int] | None:
     return size
 
 
-def _said(kind: Any, value: Any) -> Any:
+def _as_option(kind: Any, value: Any) -> Any:
     """A field's value as its option has it."""
     if kind == SIZE:
         return "none" if value is None else "{}x{}".format(*value)
@@ -243,7 +243,7 @@ def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -
     told = typer.Option(*flags, help=declared.help, rich_help_panel=panel)
     if default is None and isinstance(kind, type):
         kind = kind | None
-    default = default if default is MISSING else _said(kind, default)
+    default = default if default is MISSING else _as_option(kind, default)
     if kind == NAMES:
         kind = str | None
     elif kind == SIZE or (isinstance(kind, type) and issubclass(kind, StrEnum)):
