@@ -78,7 +78,7 @@ def written(study: EvidenceStudy, kept: KeptRuns, head: str) -> str:
 HEAD = """## Does Stage 2 help on pairs it never saw?
 
 `python benchmarks/evidence.py` runs the comparisons (hours on an idle machine) and goes on where it was.
-On the embedded bank both stages are guided by pairs of `courtyard`, drawn anew for each seed: Stage 1 with
+On the first bank both stages are guided by pairs of `courtyard`, drawn anew for each seed: Stage 1 with
 """
 LISTED = ", ".join(f"`{name}`" for name in evidence_bank.WORLDS)
 

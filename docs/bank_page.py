@@ -103,8 +103,8 @@ weights alone gain nothing on these 20 pairs.
 
 ## What is left
 
-- Demo, report, the recorded ablations and the first six notebooks open this bank. Notebooks 07 to 10 and
-  many recorded results stay on `bank`, as their tables say. A pair costs this network about 1.3 times what it
+- Demo, report and notebooks open this bank; many recorded results are of the first one, `bank`, as their
+  tables say. A pair costs this network about 1.3 times what it
   costs the first bank's.
 
 ## How to build it

@@ -107,13 +107,15 @@ def _given(**values: Any) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-FolderOptions = Annotated[FolderChoice, Group(FolderChoice, "Folder")]
-BenchmarkOptions = Annotated[BenchmarkChoice, Group(BenchmarkChoice, "Benchmark")]
+_ROOT = {"csv": "Its folder is the root."}
+FolderOptions = Annotated[FolderChoice, Group(FolderChoice, "Folder", notes=_ROOT)]
+_BENCHMARK = Group(BenchmarkChoice, "Benchmark", notes=_ROOT)
+BenchmarkOptions = Annotated[BenchmarkChoice, _BENCHMARK]
 OptionalBenchmarkOptions = Annotated[
     BenchmarkChoice | None,
-    Group(BenchmarkChoice, "Benchmark", make=_benchmark_or_none, defaults={"benchmark": None}),
+    replace(_BENCHMARK, make=_benchmark_or_none, defaults={"benchmark": None}),
 ]
-GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark")]
+GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark", notes=_ROOT)]
 _COMPUTE = Group(Compute, "Where networks run", make=_compute, defaults={"engine": "auto"})
 ComputeOptions = Annotated[Compute, _COMPUTE]
 DeviceOptions = Annotated[Compute, replace(_COMPUTE, only=("device",), defaults={})]

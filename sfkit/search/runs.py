@@ -8,15 +8,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sfkit.errors import InputError, SfkitWarning, nearest
 from sfkit.outside import read_json
 from sfkit.search.journal import JournalledSearch, read_journal
 from sfkit.search.run_folder import NAMES, SEARCH
-
-if TYPE_CHECKING:
-    pass
 
 JOURNAL = "journal.jsonl"
 STAGES = {"subset": "Stage 1", "routing": "Stage 2"}

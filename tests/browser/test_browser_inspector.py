@@ -91,6 +91,10 @@ def pixels(shown: Stage, caption: str) -> str:
         .locator("img")
         .evaluate(
             """async (image) => {
+            // The widget may exchange the picture while it is decoded.
+            for (let tries = 0; tries < 100; tries += 1) {
+                try { await image.decode(); break; } catch { await new Promise(requestAnimationFrame); }
+            }
             await image.decode();
             const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d");
             canvas.drawImage(image, 0, 0);

@@ -146,8 +146,9 @@ class Run:
             look(pid)
             time.sleep(pause)
             os.kill(pid, signal.SIGKILL)
-            killed = self.wait(pid) == -signal.SIGKILL
-            if killed and (below is None or self.count() < below):
+            code = self.wait(pid)
+            assert code in (0, -signal.SIGKILL), self.said
+            if code and (below is None or self.count() < below):
                 shutil.rmtree(before, ignore_errors=True)
                 return
             shutil.rmtree(self.folder)
