@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -70,6 +71,20 @@ def test_a_row_of_the_sharp_bank_is_its_own(exhaustive: ModuleType) -> None:
     assert found.quick[mask] == pytest.approx(table.quick[mask], abs=0.02)
 
 
+def test_the_sharp_banks_page_says_what_its_table_says(exhaustive: ModuleType) -> None:
+    table = exhaustive.subset_scores(exhaustive.table_path("bank-sharp"))
+    merges = {mask: score for mask, score in table.scores.items() if mask.bit_count() >= 2}
+    best = min(merges, key=merges.__getitem__)
+    assert len(merges) == 2036
+    assert table.members(best) == ("uneven-exposure", "scanned-street")
+    page = (Path(__file__).parents[2] / "docs" / "bank.md").read_text(encoding="utf-8")
+    alone = table.scores[table.mask(["scanned-street"])]
+    section = " ".join(page.split("## Every subset")[1].split("\n## ")[0].split())
+    assert f"has {merges[best]:.2f} % and scanned-street alone {alone:.2f};" in section
+    median, worst = statistics.median(merges.values()), max(merges.values())
+    assert f"half of all merges are above {median:.2f}, the worst has {worst:.2f}." in section
+
+
 def test_another_file_is_refused(exhaustive: ModuleType, tmp_path: Path) -> None:
     path = tmp_path / "table.csv"
     path.write_text("mask,score,other\n1,2.0,3.0\n")
@@ -79,11 +94,14 @@ def test_another_file_is_refused(exhaustive: ModuleType, tmp_path: Path) -> None
         exhaustive.subset_scores(tmp_path / "none.csv")
 
 
-@pytest.mark.parametrize(("quick", "generations"), [(False, 41), (True, 71)])
+@pytest.mark.parametrize(
+    ("name", "quick", "generations"),
+    [("bank", False, 41), ("bank", True, 71), ("bank-sharp", False, 11)],
+)
 def test_the_model_finds_the_best_subset_in_60_evaluations_or_90(
-    exhaustive: ModuleType, quick: bool, generations: int
+    exhaustive: ModuleType, name: str, quick: bool, generations: int
 ) -> None:
-    table = exhaustive.subset_scores()
+    table = exhaustive.subset_scores(exhaustive.table_path(name))
     scores = table.quick if quick else table.scores
 
     def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
