@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from kept import Job
+from stage2_worlds import BANK_WINDOW, window
 from trials import Trial, run_trials
 
 import sfkit
@@ -18,6 +19,7 @@ from sfkit.bank import VALIDATION, benchmark, benchmarks
 from sfkit.bank.plan import bank_plan
 from sfkit.bank.rendered import RenderedPair
 from sfkit.datasets import Benchmark
+from sfkit.datasets.benchmark import memory_benchmark
 from sfkit.merging import Pool
 from sfkit.merging.blocks import WAYS
 from sfkit.merging.partitions import auto_partition
@@ -26,7 +28,7 @@ WORLDS = [name for name in benchmarks() if name != VALIDATION]
 POPULATION, GENERATIONS = 12, 3  # Stage 1, the same for all ways to run Stage 2
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EvidenceStudy:
     """A bank, and how much is spent on comparing the ways to run Stage 2 there.
 
@@ -34,6 +36,7 @@ class EvidenceStudy:
         bank: its name.
         evaluations: of every Stage 2.
         unseen: pairs of every world that judge.
+        window: (height, width) pixels that are taken from the middle of every pair; None for whole pairs.
         marks: evaluations after which the plain search is judged on its way.
         seeds: validation pairs -> draws of pairs and searches; more cost too much on two cores.
         ways: the ways to run Stage 2 that are compared, of those in :func:`trials`.
@@ -44,6 +47,7 @@ class EvidenceStudy:
     bank: str
     evaluations: int
     unseen: int
+    window: tuple[int, int] | None
     marks: tuple[int, ...]
     seeds: Mapping[int, int]
     ways: tuple[str, ...]
@@ -53,8 +57,10 @@ class EvidenceStudy:
 
 FEW = ("plain", "plain, x / 2", "shrinkage 0.05", "hold-out 1/2")
 WAYS_TO_GUARD = (*FEW, "4 folds", "entropy 0.5")
-FIRST = EvidenceStudy("bank", 300, 20, (40, 80, 150), {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}, WAYS_TO_GUARD, 10, 3)
-SHARP = EvidenceStudy("bank-sharp", 60, 8, (20, 40), {2: 10, 5: 10, 10: 4}, FEW, 5, 2)
+FIRST = EvidenceStudy(
+    "bank", 300, 20, None, (40, 80, 150), {2: 5, 5: 5, 10: 5, 20: 4, 40: 3}, WAYS_TO_GUARD, 10, 3
+)
+SHARP = EvidenceStudy("bank-sharp", 60, 10, BANK_WINDOW, (20, 40), {2: 10, 5: 10, 10: 10}, FEW, 5, 5)
 
 
 def jobs(study: EvidenceStudy = FIRST) -> dict[str, Job]:
@@ -120,10 +126,10 @@ def compared(
     """Both stages guided by ``pairs`` pairs of the validation world, drawn by the seed."""
     pool = opened(study.bank)
     with sfkit.EvaluationStore(folder / "evaluations.sqlite") as store:
-        scorer = sfkit.Evaluator(pool, drawn(study.bank, pairs, seed), store=store)
+        scorer = sfkit.Evaluator(pool, drawn(study, pairs, seed), store=store)
         stage1 = sfkit.SubsetSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
         subset = sfkit.SubsetSearch(pool.names, pool.blocks, scorer, stage1).run().subset
-        unseen = unseen_evaluators(study.bank, study.unseen)
+        unseen = unseen_evaluators(study)
         judges = {name: judge.with_store(store) for name, judge in unseen.items()}
         table = run_trials(ways, pool, subset, scorer, judges, seeds=(seed,), marks=marks)
     table.insert(0, "pairs", pairs)
@@ -138,33 +144,43 @@ def opened(bank: str) -> Pool:
 
 
 @cache
-def unseen_evaluators(bank: str, count: int) -> dict[str, sfkit.Evaluator]:
-    """So many new pairs of the validation world, under its name, then of the other worlds."""
-    judged = {VALIDATION: new_pairs(bank, count)}
-    judged |= {name: world(bank, name).first(count) for name in WORLDS}
-    return {name: sfkit.Evaluator(opened(bank), judge) for name, judge in judged.items()}
+def unseen_evaluators(study: EvidenceStudy) -> dict[str, sfkit.Evaluator]:
+    """New pairs of the validation world, under its name, then of the other worlds."""
+    judged = {VALIDATION: new_pairs(study)}
+    judged |= {name: cut(world(study, name).first(study.unseen), study.window) for name in WORLDS}
+    return {name: sfkit.Evaluator(opened(study.bank), judge) for name, judge in judged.items()}
 
 
-def drawn(bank: str, pairs: int, seed: int) -> Benchmark:
+def drawn(study: EvidenceStudy, pairs: int, seed: int) -> Benchmark:
     """Pairs of the validation world, drawn by the seed."""
-    known = world(bank, VALIDATION)
+    known = world(study, VALIDATION)
     order = np.random.default_rng([seed, 7]).permutation(len(known))
-    return known.select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
+    chosen = known.select([f"{VALIDATION}-{n:02d}" for n in sorted(order[:pairs])])
+    return cut(chosen, study.window)
 
 
-def new_pairs(bank: str, count: int) -> Benchmark:
+def new_pairs(study: EvidenceStudy) -> Benchmark:
     """Pairs of the validation world beyond the 40 of its benchmark."""
-    known = world(bank, VALIDATION)
-    pairs = tuple(RenderedPair(VALIDATION, len(known) + n) for n in range(count))
-    return Benchmark(
+    known = world(study, VALIDATION)
+    pairs = tuple(RenderedPair(VALIDATION, len(known) + n) for n in range(study.unseen))
+    whole = Benchmark(
         name=f"{VALIDATION}-new",
         family=known.family,
         pairs=pairs,
         protocol=known.protocol,
         metric=known.metric,
     )
+    return cut(whole, study.window)
 
 
-def world(bank: str, name: str) -> Benchmark:
+def world(study: EvidenceStudy, name: str) -> Benchmark:
     """A world's benchmark as the bank's pool is scored on it."""
-    return benchmark(name, of=bank_plan(bank).benchmarks)
+    return benchmark(name, of=bank_plan(study.bank).benchmarks)
+
+
+def cut(whole: Benchmark, size: tuple[int, int] | None) -> Benchmark:
+    """The middle of every pair, or the benchmark as it is."""
+    if size is None:
+        return whole
+    pairs = [window(pair.load(), size) for pair in whole.pairs]
+    return memory_benchmark(f"{whole.name}-windows", pairs, protocol=whole.protocol, metric=whole.metric)

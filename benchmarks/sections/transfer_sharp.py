@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import json
+
+from sections.report_bank import worlds
 from sections.transfer import tables
 
 POOLS = {"pool": "bank-sharp", "second_pool": "bank"}
-BUDGETS = {"population": 20, "generations": 8, "evaluations": 80}
+GUIDES, TESTS = 5, 8
+BUDGETS = {"population": 16, "generations": 6, "evaluations": 40}
 
 
 def section() -> str:
     """Run the notebook as it opens, with smaller budgets than its own, and show both tables."""
-    moved, grown = tables("transfer-bank-sharp", engine="inline", **POOLS, **BUDGETS)
+    tests = json.dumps([{"name": name, "pairs": TESTS} for name in worlds()])
+    moved, grown = tables(
+        "transfer-bank-sharp", engine="inline", benchmark_pairs=GUIDES, report_on=tests, **POOLS, **BUDGETS
+    )
     return f"""## Subset transfer and a growing pool: the sharp bank
 
 `sfkit report 08_transfer_and_growth` on the pools it opens, `bank-sharp` and, as the second architecture, the
-first bank, whose domains have the same names and of which six are milder: M = {BUDGETS["population"]},
-T = {BUDGETS["generations"]}, {BUDGETS["evaluations"]} evaluations of Stage 2, seed 0,
-8 pairs of courtyard guide.
+first bank, whose domains have the same names and of which six are milder. {GUIDES} pairs of courtyard guide,
+{TESTS} pairs each of three other worlds test; M = {BUDGETS["population"]}, T = {BUDGETS["generations"]}, \
+{BUDGETS["evaluations"]} evaluations of Stage 2, seed 0:
 
 {moved}
 
