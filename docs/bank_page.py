@@ -103,9 +103,9 @@ weights alone gain nothing on these 20 pairs.
 
 ## What is left
 
-- Demo, report and notebooks open this bank; many recorded results are of `bank`, as they say. Comparisons of Stage 2
-  (`evidence-sharp`) are of windows and of few draws yet, transfer of smaller budgets. A pair costs this
-  network about 1.3 times what it costs the first bank's.
+- Demo, report and notebooks open this bank; many recorded results are of `bank`, as they say.
+- Comparisons of Stage 2 on it (`evidence-sharp`) are of windows and of few draws yet.
+- A pair costs this network about 1.3 times what it costs the first bank's.
 
 ## How to build it
 
