@@ -155,7 +155,9 @@ class Notebook:
     def __init__(self, page: Page, server: Server, path: str, app: str) -> None:
         self.page, self.server, self.path = page, server, path
         page.set_default_timeout(PATIENCE * 1000)
-        place = f"lab/workspaces/auto-test/tree/{path}" if app == "jupyterlab" else f"notebooks/{path}"
+        # A workspace of its own: a shared one brings the other pages' notebooks back as well.
+        workspace = f"lab/workspaces/auto-{Path(path).stem}"
+        place = f"{workspace}/tree/{path}" if app == "jupyterlab" else f"notebooks/{path}"
         page.goto(f"{server.url}{place}?token={server.token}&reset")
         self.ready()
 
