@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from sfkit.cli.groups import Group, names
+from sfkit.datasets.shipped import manifest_names
 from sfkit.errors import InputError
 from sfkit.evaluation.compute import PARAMETERS, Compute, check_device
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings
@@ -52,11 +53,14 @@ class BenchmarkChoice(FolderChoice):
             InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded
                 bank's benchmarks (``bank:NAME``) have none.
         """
+        root = self.csv.parent if self.root is None and self.csv is not None else self.root
+        rootless = InputError(f"--root is missing, expected the folder of benchmark {self.benchmark!r}")
+        if root is None and self.benchmark in manifest_names():
+            raise rootless
         from sfkit.datasets.benchmark import has_files, open_benchmark
 
-        root = self.csv.parent if self.root is None and self.csv is not None else self.root
         if root is None and has_files(self.benchmark):
-            raise InputError(f"--root is missing, expected the folder of benchmark {self.benchmark!r}")
+            raise rootless
         benchmark = open_benchmark(
             self.benchmark,
             root,

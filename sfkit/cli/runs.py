@@ -32,10 +32,11 @@ def list_runs(
       sfkit runs list runs
     """
     from sfkit.cli import tables
-    from sfkit.datasets.metric import with_unit
     from sfkit.search.runs import find_runs, recorded_benchmarks, recorded_metrics, run_rows
 
     runs = find_runs(root)
+    from sfkit.datasets.metric import with_unit
+
     metrics = {str(run.folder): recorded_metrics(run.folder, with_unit) for run in runs}
     benchmarks = {str(run.folder): recorded_benchmarks(run.folder) for run in runs}
     rows = [

@@ -8,11 +8,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from sfkit import files
 from sfkit.datasets.formats import Coding
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MaskCoding
 from sfkit.datasets.protocols import rule
+from sfkit.datasets.shipped import manifest_folder, manifest_names
 from sfkit.errors import InputError, member_of, nearest, unknown_name
 from sfkit.outside import read_toml
 
@@ -100,25 +100,6 @@ class Manifest:
             raise unknown_name(f"resolution of {self.name}", wanted, self.resolutions)
         fitting = [r for r in self.resolutions if not allowed or r in allowed]
         return wanted if wanted is not None or not fitting else fitting[0]
-
-
-def manifest_folder() -> Path:
-    """The folder of manifests: inside the package in a wheel, beside it in a checkout.
-
-    Raises:
-        InputError: neither is there.
-    """
-    folder = files.shipped("data_manifests", "data_manifests")
-    if folder is None:
-        raise InputError(
-            f"{files.PACKAGE}: found no data_manifests folder in or beside it, install sfkit again"
-        )
-    return folder
-
-
-def manifest_names() -> tuple[str, ...]:
-    """The names of all manifests, sorted."""
-    return tuple(sorted(path.stem for path in manifest_folder().glob("*.toml")))
 
 
 def load_manifest(name: str) -> Manifest:
