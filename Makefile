@@ -74,7 +74,8 @@ searches: $(PEERS) ## compare searches with their peers, hours; goes on where it
 
 evidence: $(INSTALLED) ## compare plain and guarded Stage 2, hours; goes on where it was
 	$(BIN)/python benchmarks/evidence.py
-	$(BIN)/python benchmarks/results.py evidence
+	$(BIN)/python benchmarks/evidence.py --sharp
+	$(BIN)/python benchmarks/results.py evidence evidence-sharp
 
 clean: ## remove caches and build results, but not .venv
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

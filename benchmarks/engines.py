@@ -135,7 +135,7 @@ def section() -> str:
     cells = [(*(r[n] for n in heads[:3]), *(shape.format(**r) for shape in shapes)) for r in rows]
     return f"""## Engines: inline, worker processes, Ray
 
-`{shown(*COMMAND)}`: subsets of the embedded bank, one thread a worker, scores equal to the last
+`{shown(*COMMAND)}`: subsets of the first bank, one thread a worker, scores equal to the last
 bit. Efficiency is what each worker achieves of what one does inline; overhead is time in which
 no worker computed.
 

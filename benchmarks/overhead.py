@@ -173,7 +173,7 @@ def measure(
     before, _ = clock.seconds.pop(BEFORE), clock.computing.pop(BEFORE)
     total, computed = sum(clock.seconds.values()), sum(clock.computing.values())
     return {
-        "network": "the embedded bank's AnyNet" if bank else "AnyNet as published",
+        "network": "the first bank's AnyNet" if bank else "AnyNet as published",
         "method": method,
         "pairs": pairs,
         "evaluations": scorer.counts.computed,

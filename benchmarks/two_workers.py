@@ -2,7 +2,7 @@
 
     python benchmarks/two_workers.py
 
-Both stages on the embedded bank, one thread a worker, as many evaluations either way, which take turns on the
+Both stages on the first bank, one thread a worker, as many evaluations either way, which take turns on the
 same pairs. Speed-up is by the clock from the search's first step to its last file, workers warm; twice as
 fast would be an efficiency of 1. What batches lose in evaluations is in ``optimum.py``, for more workers.
 """
@@ -114,7 +114,7 @@ def section() -> str:
     )
     return f"""## A model's search by two real workers
 
-`{shown(*COMMAND)}`: both stages by a model of the score on the embedded bank, one thread a worker. Speed-up
+`{shown(*COMMAND)}`: both stages by a model of the score on the first bank, one thread a worker. Speed-up
 is of the seconds an evaluation, by the clock, medians; best scores are bad-3.0, a search each. The load
 average is the machine's over the last minute, these searches included.
 

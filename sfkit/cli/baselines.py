@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import ast
+import sys
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,34 +19,24 @@ from sfkit.cli.outputs import Places
 from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
 from sfkit.cli.terminal import Bars
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError, ensure_known
+from sfkit.files import PACKAGE
 
 if TYPE_CHECKING:
     from sfkit.baselines import BaselineResult, BaselineRun
     from sfkit.evaluation import Evaluator
 
-METHODS = (
-    "single_best",
-    "single_best_oracle",
-    "uniform",
-    "task_arithmetic",
-    "greedy_soup",
-    "greedy_soup_strict",
-    "ties",
-    "dare",
-    "dare_ties",
-    "fisher",
-    "adamerging",
-    "adamerging_blocks",
-    "random_subsets",
-    "exhaustive",
-    "stage1",
-    "stage1_2",
-    "averaged",
-)
-"""What comes with sfkit, known without torch; a test holds it to the registry."""
 ORACLES = ("single_best_oracle",)
-"""Those that see the benchmarks one reports on."""
+"""Those of sfkit's own that see the benchmarks one reports on; a test holds them to the registry."""
+
+
+@cache
+def methods() -> tuple[str, ...]:
+    """What comes with sfkit, as tables list it: read where that stands, since importing it takes torch."""
+    text = (PACKAGE / "baselines" / "__init__.py").read_text(encoding="utf-8")
+    calls = (node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call))
+    (arranged,) = (call for call in calls if getattr(call.func, "id", "") == "arrange")
+    return tuple(entry.id for entry in arranged.args if isinstance(entry, ast.Name))
 
 
 def baselines(
@@ -143,9 +136,8 @@ def _methods(text: str) -> tuple[str, ...]:
 
 def _is_oracle(name: str) -> bool:
     """Whether a method sees what one reports on; of sfkit's own without torch, which others may need."""
-    if not any(imported_files()):
-        if name not in METHODS:
-            raise unknown_name("baseline", name, METHODS)
+    if not any(imported_files()) and "sfkit.baselines.registry" not in sys.modules:
+        ensure_known("baseline", name, methods())
         return name in ORACLES
     from sfkit.baselines import baseline_named
 

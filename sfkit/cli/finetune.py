@@ -93,7 +93,7 @@ def command(
     """
     from sfkit.datasets.benchmark import open_benchmark
     from sfkit.datasets.training_sets import open_training_set
-    from sfkit.training.places import OUTPUTS, training_folder
+    from sfkit.training.places import OUTPUTS, TRAINED, training_folder
 
     check_target(out, form, overwrite=force)
     places = Places(settings=settings, csv=reading.csv)
@@ -104,7 +104,7 @@ def command(
     pairs = open_training_set(data, root, hold_out=hold_out, coding=reading.coding, table=reading.csv)
     say(f"{pairs.name}: {pairs.coverage}, {len(pairs.held_out)} held out, {chosen.steps(len(pairs))} steps")
     scored = None if validation is None else open_benchmark(validation, validation_root)
-    options = ensure_loadable(base, architecture, option)
+    options = ensure_loadable(base, architecture, option, trained=TRAINED)
     from sfkit.training.finetune import finetune
 
     with _Processes(compute.kind), Bars() as bars:

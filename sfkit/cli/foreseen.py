@@ -15,7 +15,7 @@ from sfkit.errors import ensure_known
 from sfkit.merging.blocks import parse_partition
 from sfkit.merging.known import ensure_options, nobody_registered
 from sfkit.merging.named import named_pool
-from sfkit.merging.origin import read_origin, undescribed
+from sfkit.merging.origin import read_origin, stated_texts, undescribed
 from sfkit.merging.roster import Roster
 
 
@@ -39,8 +39,12 @@ def roster_of(path: str, blocks: str | None = None, dtype: str | None = None) ->
     return naming(path, read)
 
 
-def ensure_loadable(file: Path, architecture: str | None, texts: list[str] | None) -> dict[str, Any]:
+def ensure_loadable(
+    file: Path, architecture: str | None, texts: list[str] | None, *, trained: str | None = None
+) -> dict[str, Any]:
     """The architecture's options, after all that can be told of a network before torch is imported.
+
+    ``trained`` is an entry by which a file tells its architecture, too, to those who read it.
 
     Raises:
         InputError: the file is no checkpoint or does not say its architecture, nobody knows the one that is
@@ -49,6 +53,8 @@ def ensure_loadable(file: Path, architecture: str | None, texts: list[str] | Non
     ensure_checkpoint(file)
     options = network_options(texts)
     if architecture is None:
+        if trained is not None and trained in stated_texts(file):
+            return options
         if (origin := read_origin(file)) is None:
             raise undescribed(file)
         name = str(origin.architecture["name"])

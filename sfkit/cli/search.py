@@ -205,7 +205,7 @@ def _ensure_names(
     """Refuse names that the pool has not, before it is opened: of blocks where they are known by then."""
     if pool is None:
         return
-    blocks = pool.blocks or (*constraints.frozen_blocks, "another")
+    blocks = pool.blocks or (*constraints.frozen_blocks, "\0")
     if subset is None:
         constraints.space(pool.names, blocks)
     elif second is not None:

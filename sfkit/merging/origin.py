@@ -73,7 +73,7 @@ def stated_metadata(path: Path) -> dict[str, str] | None:
     Raises:
         InputError: the file cannot be read, or an entry is missing.
     """
-    metadata: object = _texts(path)
+    metadata: object = stated_texts(path)
     if not metadata and (sidecar := sidecar_of(path)).is_file():
         metadata = read_json(sidecar, "was it edited?")
         belongs = metadata.get(BELONGS) if isinstance(metadata, Mapping) else None
@@ -107,7 +107,7 @@ def _content(path: Path) -> str:
     return content_of(read_checkpoint(path).tensors)
 
 
-def _texts(path: Path) -> Mapping[str, str]:
+def stated_texts(path: Path) -> Mapping[str, str]:
     """The text entries of a checkpoint; only one in which something is unusual needs torch."""
     if path.suffix.lower() == SAFETENSORS and path.is_file():
         return read_texts(path)

@@ -60,6 +60,8 @@ _CLOSER = 3.0
 _NEAREST = 0.05
 _BOLD = 3
 """Every so many candidates one is proposed boldly, whatever the region."""
+PROPOSALS = 2
+"""Which rule proposes; raised where the same settings come to propose other candidates."""
 _REFIT = 3
 """Candidates after which length scales and noise are fitted anew."""
 
@@ -74,8 +76,8 @@ class BayesianRoutingSettings(RoutingSettings):
         beta: standard deviations that the bound of a bold proposal lies below the mean; half as many within
             the region.
         sigma: first radius of the trust region, a standard deviation of x.
-        far: every third proposal is bold: of draws around the best whose radii lie between 0.05 and this,
-            their logarithms evenly. 0 proposes none boldly.
+        far: every third proposal is bold: of draws around the best whose first radii lie between 0.05 and
+            this, their logarithms evenly; later ones are a third and less. 0 proposes none boldly.
         patience: proposals within the region without a better one after which it halves; half as many better
             ones in a row double it.
         smallest: radius below which a region ends, and the next begins at ``sigma``.
@@ -90,7 +92,7 @@ class BayesianRoutingSettings(RoutingSettings):
     beta: float = setting(2.0, help="Deviations a bold bound lies below the mean.", check=between(0.0))
     far: float = setting(1.5, help="Largest radius of bold proposals; 0 for none.", check=between(0.0))
     patience: int = setting(4, help="Proposals without a gain that shrink the region.", check=whole(1))
-    smallest: float = setting(0.02, help="Width of the region that ends the search.", check=positive)
+    smallest: float = setting(0.02, help="Radius at which the region begins again.", check=positive)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -137,7 +139,7 @@ class BayesianRoutingSearch(RoutingSearch):
             settings: budget, trust region and the like.
             constraints: frozen blocks, and limits the subset must meet.
             start: a recipe over these sources, scored right after x = 0.
-            known: what was scored before, over any sources, such as by Stage 1; the model alone sees it.
+            known: what was scored before, such as by Stage 1; the model sees those of these sources alone.
             journal: where to write what happens, for viewers.
 
         Raises:
@@ -152,11 +154,9 @@ class BayesianRoutingSearch(RoutingSearch):
             start=start,
             journal=journal,
         )
-        self.known = tuple(known)
         # Merges of other sources say little of how these are mixed, and their bad scores spoil the fit.
-        mine = [entry for entry in self.known if set(entry.recipe.sources) <= set(self.sources)]
-        self._others = tuple(mine)
-        self._seen = block_features((k.recipe for k in mine), self.sources, self.blocks)
+        self.known = tuple(entry for entry in known if set(entry.recipe.sources) <= set(self.sources))
+        self._seen = block_features((k.recipe for k in self.known), self.sources, self.blocks)
         self._own = block_features((), self.sources, self.blocks)
         self._fitted: tuple[int, Surrogate] | None = None
 
@@ -285,8 +285,8 @@ class BayesianRoutingSearch(RoutingSearch):
     def _learned_from(self, own: Sequence[RoutingCandidate]) -> tuple[Points, Array]:
         """Features and scores of these candidates, and of what else is known."""
         met = {candidate.recipe for candidate in own}
-        others = [n for n, entry in enumerate(self._others) if entry.recipe not in met]
-        scores = np.array([*(c.score for c in own), *(self._others[n].score for n in others)])
+        others = [n for n, entry in enumerate(self.known) if entry.recipe not in met]
+        scores = np.array([*(c.score for c in own), *(self.known[n].score for n in others)])
         groups = zip(self._own, self._seen, strict=True)
         return tuple(np.concatenate([a[: len(own)], b[others]]) for a, b in groups), scores
 

@@ -15,7 +15,7 @@ from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.averaging import check_averaging
-from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+from sfkit.search.bayesian_routing import PROPOSALS, BayesianRoutingSearch, BayesianRoutingSettings
 from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.checks import METHODS, check_parts, check_resamples
@@ -135,6 +135,8 @@ class SearchPlan:
             "subset": self.subset,
             "constraints": asdict(self.constraints),
             "start": self.start and self.start.as_dict(),
+            # A folder whose answer an earlier rule found keeps it: the same settings propose otherwise now.
+            **({"proposals": PROPOSALS} if isinstance(self.stage2, BayesianRoutingSettings) else {}),
             # Left out at 0: searches from before there was this setting keep their identity.
             **({"resamples": self.resamples} if self.resamples else {}),
         }

@@ -25,7 +25,8 @@ class Prediction:
     Attributes:
         mean: expected score, in the metric's unit.
         sd: standard deviation of that, in the same unit.
-        acquisition: lower confidence bound it was chosen by, mean - beta * sd; the smallest was proposed.
+        acquisition: lower confidence bound it was chosen by, the smallest of those drawn: mean - beta * sd,
+            in Stage 2 of scores as its model bends them.
     """
 
     mean: float

@@ -33,12 +33,11 @@ from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.outside import parse_json
 from sfkit.training.loop import Course, Listener, TrainingTask, train
-from sfkit.training.places import training_folder
+from sfkit.training.places import TRAINED, training_folder
 from sfkit.training.recipes import TrainingRecipe, recipe_of
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
 
-KEY = "sfkit.training"
 COLUMNS = ("step", "loss", "gradient_norm", "rate")
 
 
@@ -155,7 +154,7 @@ def finetune(
     if not dist.is_initialized() or dist.get_rank() == 0:
         # The checkpoint comes last: where it is, curve and record are, too.
         _finish(folder, course, made, result)
-        metadata = {KEY: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True)}
+        metadata = {TRAINED: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True)}
         write_checkpoint(
             out, network.state_dict(), layout=start.layout, metadata=metadata, form=form, overwrite=overwrite
         )
@@ -199,12 +198,12 @@ def read_training(path: str | Path) -> dict[str, Any] | None:
     Raises:
         InputError: the file cannot be read, or its metadata was edited.
     """
-    text = read_checkpoint(path).metadata.get(KEY)
+    text = read_checkpoint(path).metadata.get(TRAINED)
     if text is None:
         return None
-    values = parse_json(text, f"{path}: its {KEY} entry", "was it edited?")
+    values = parse_json(text, f"{path}: its {TRAINED} entry", "was it edited?")
     if not isinstance(values, dict):
-        raise InputError(f"{path}: its {KEY} entry is {type(values).__name__}, expected an object")
+        raise InputError(f"{path}: its {TRAINED} entry is {type(values).__name__}, expected an object")
     return values
 
 

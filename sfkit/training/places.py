@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+TRAINED = "sfkit.training"
+"""The entry in which a source says how it was trained."""
+
 OUTPUTS = ("training.csv", "training.json")
 """What a training leaves in its folder, besides its states."""
 

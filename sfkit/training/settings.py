@@ -36,19 +36,19 @@ def _whole(least: int) -> Check:
 def _share(name: str, value: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= 1:
         raise InputError(f"{name} is {value!r}, expected a number from 0 to 1")
-    return float(value)
+    return value
 
 
 def _positive(name: str, value: Any) -> Any:
     if not value > 0:
         raise InputError(f"{name} is {value!r}, expected a positive number")
-    return float(value)
+    return value
 
 
 def _at_least_0(name: str, value: Any) -> Any:
     if not value >= 0:
         raise InputError(f"{name} is {value!r}, expected a number of at least 0")
-    return float(value)
+    return value
 
 
 def _crop(name: str, value: Any) -> Any:

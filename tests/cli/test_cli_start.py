@@ -19,13 +19,15 @@ from sfkit.architectures.names import SHIPPED
 from sfkit.architectures.registry import _REGISTRY, named
 from sfkit.baselines import baseline_named, baselines
 from sfkit.checkpoints.headers import read_texts
-from sfkit.cli.baselines import METHODS, ORACLES
+from sfkit.cli.baselines import ORACLES, methods
 from sfkit.cli.commands import ENTRIES, Commands
+from sfkit.cli.foreseen import ensure_loadable
 from sfkit.cli.groups import first_paragraph
 from sfkit.cli.inspection import inspect_file
 from sfkit.cli.options import NAMED
 from sfkit.datasets.formats import write_png
 from sfkit.errors import InputError
+from sfkit.training.places import TRAINED
 
 HEAVY = (
     "torch",
@@ -50,8 +52,15 @@ def test_what_comes_with_sfkit_is_known_by_name_before_torch_is_imported() -> No
     builders = {name: named(entry.build) for name, entry in _REGISTRY.items()}
     assert set(SHIPPED) == {n for n, builder in builders.items() if builder.__module__.startswith("sfkit.")}
     own = [name for name in baselines() if baseline_named(name).function.__module__.startswith("sfkit.")]
-    assert list(METHODS) == own
-    assert set(ORACLES) == {name for name in METHODS if baseline_named(name).oracle}
+    assert list(methods()) == own
+    assert set(ORACLES) == {name for name in own if baseline_named(name).oracle}
+
+
+def test_a_network_that_sfkit_trained_says_its_architecture_to_those_who_train_on() -> None:
+    trained = sfkit.bank.pool_path("bank-sharp").with_name("haze.safetensors")
+    assert ensure_loadable(trained, None, None, trained=TRAINED) == {}
+    with pytest.raises(InputError, match="--architecture"):
+        ensure_loadable(trained, None, None)
 
 
 def write_torch_files(pool: Path, folder: Path) -> None:

@@ -169,6 +169,7 @@ from sfkit import baselines
 from sfkit.checkpoints.spec import Member, PoolSpec
 from sfkit.merging import open_pool
 from sfkit.cli.app import app
+from sfkit.cli.baselines import methods
 from typer.testing import CliRunner
 
 folder = Path(sys.argv[1])
@@ -191,6 +192,7 @@ print(json.dumps({
     "metric": scorer.metric.label,
     "scores": [result.score for result in run.results.values()],
     "baselines": list(baselines.baselines()),
+    "typed": list(methods()),
     "halves": list(run.results["halves"].recipe.sources),
     "steps": steps_taken(pool),
     "figure": FIGURES["steps"]("dark").layout.title.text,
@@ -276,6 +278,7 @@ def test_what_was_added_works(found: Mapping[str, object]) -> None:
     assert found["steps"] == {"a": 2.0, "b": 4.0, "c": 8.0}
     assert found["figure"] == "How far?"
     assert found["option"] == [True] * len(SHARING)
+    assert found["typed"] == found["baselines"]
     names = found["baselines"]
     assert isinstance(names, list)
     assert names.index("halves") == names.index("uniform") + 1
