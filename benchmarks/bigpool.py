@@ -25,14 +25,8 @@ from tabulated import markdown_lines
 DOCUMENT = "benchmarks/README.md"
 
 TARGET_MB = 6 * 1024  # anonymous memory with 11 sources of ViT-L
-VIT_L = PoolShape(
-    "foundation-stereo",
-    sources=11,
-    options={"vit_size": "vitl"},
-    frozen="feature.dino.",
-    published="foundationstereo/foundationstereo_vitl_keys.json",
-)
-NMRF = PoolShape("nmrf-swint", sources=11, published="nmrf/nmrf_swint_keys.json")
+VIT_L = PoolShape("foundation-stereo", sources=11, options={"vit_size": "vitl"}, frozen="feature.dino.")
+NMRF = PoolShape("nmrf-swint", sources=11)
 STEPS = ("merge", "write")
 Plan = tuple[PoolShape, tuple[int, ...], int, tuple[str, ...]]
 PLANS: Mapping[str, Plan] = {

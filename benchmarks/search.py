@@ -249,29 +249,7 @@ Ours at other population sizes, 15 generations:
 
 The same searches on another landscape, the scores on the first 8 pairs alone, which are noisier:
 
-{table(quick, "search")}
-
-{verdict(rows, quick)}"""
-
-
-def verdict(*landscapes: Sequence[SearchRow]) -> str:
-    """Which of our other settings dominate the paper's."""
-    paper = landscapes[0][0].name
-    ours = [row.name for row in landscapes[0] if row.name.startswith("sfkit") and row.name != paper]
-    better = [name for name in ours if all(dominates(rows, name, paper) for rows in landscapes)]
-    if not better:
-        return "No other setting of ours is as near at every mark on both and finds the optimum as often."
-    return (
-        f"At every mark on both as near as the paper's settings or nearer, with the optimum found as often "
-        f'or more often: {"; ".join(better)}, by `SubsetSettings(survival="truncation")`.'
-    )
-
-
-def dominates(rows: Sequence[SearchRow], name: str, other: str) -> bool:
-    """No larger regret at any mark and at the end, and the optimum found in no fewer seeds."""
-    one, paper = (next(row for row in rows if row.name == wanted) for wanted in (name, other))
-    nearer = all(a <= b for a, b in zip(one.regrets, paper.regrets, strict=True))
-    return nearer and one.optimum >= paper.optimum
+{table(quick, "search")}"""
 
 
 if __name__ == "__main__":
