@@ -27,24 +27,3 @@ if TYPE_CHECKING:
     from sfkit.datasets.synthetic.domains import VALIDATION, domains
 else:
     __getattr__, __dir__ = on_demand(__name__)
-
-__all__ = [
-    "BANK",
-    "BANKS",
-    "JOINT",
-    "VALIDATION",
-    "bank_plan",
-    "banks",
-    "benchmark",
-    "benchmarks",
-    "build",
-    "domains",
-    "held_out",
-    "joint_path",
-    "joint_training",
-    "open_source_data",
-    "pool_path",
-    "training_seconds",
-    "trainings",
-    "worlds",
-]
