@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import torch
 import torch.nn.functional as F
+from training_worlds import SETTINGS
 
 from sfkit.architectures import architecture
 from sfkit.architectures.nmrf.training import losses
+from sfkit.datasets.pairs import MemoryPair, Sample
+from sfkit.datasets.synthetic import domains, synthetic_pair
+from sfkit.datasets.training_set import TrainingSet
+from sfkit.merging.network import load_network
+from sfkit.training import Augmentation
+from sfkit.training.finetune import finetune, starting_point
 from sfkit.training.objectives import FoundationStereoObjective
 from sfkit.training.recipes import recipe_of
 
@@ -59,3 +69,28 @@ def test_foundation_stereos_objective_is_the_papers_sequence() -> None:
         w * F.smooth_l1_loss(m[known], truth[known]) for w, m in zip((0.81, 0.9, 1.0), maps, strict=True)
     )
     assert found.tolist() == pytest.approx([float(first), float(rest)], rel=1e-5)
+
+
+@pytest.mark.slow
+def test_two_steps_move_foundation_stereo_and_leave_its_vit(tmp_path: Path) -> None:
+    name, options = "foundation-stereo", {"vit_size": "vits", "iterations": 1, "max_disp": 192}
+    drawn = synthetic_pair(domains()["plain"], 0, height=64, width=128)
+    pair = MemoryPair("a", Sample("a", drawn.left, drawn.right, drawn.disparity, drawn.nonoccluded))
+    settings = replace(SETTINGS, epochs=2, batch=1, augmentation=Augmentation.none())
+    made = finetune(
+        None,
+        TrainingSet("one", (pair,)),
+        tmp_path / "a.safetensors",
+        name=name,
+        options=options,
+        settings=settings,
+    )
+    before = starting_point(None, name=name, options=options, seed=settings.seed).network.state_dict()
+    after = load_network(made.path, name=name, options=options).network.state_dict()
+    moved = {key for key, tensor in after.items() if not torch.equal(tensor, before[key])}
+    assert {key for key in moved if key.startswith("feature.dino.")} == set()
+    entry = architecture(name)
+    used = [key for key in after if not any(fnmatchcase(key, dead) for dead in entry.dead)]
+    parts = {key.partition(".")[0] for key in used if not entry.is_frozen(key)}
+    assert {key.partition(".")[0] for key in moved} == parts, "every part of the network learns"
+    assert all(tensor.isfinite().all() for tensor in after.values())
