@@ -12,7 +12,7 @@ from typing import Any
 from sfkit.datasets.metric import with_unit
 from sfkit.search.journal import JournalledSearch, journalled_score, read_journal
 from sfkit.search.operators import SMALLEST
-from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, find_runs, recorded_metrics
+from sfkit.search.runs import JOURNAL, STAGES, Run, StageRun, recorded_metrics
 
 
 @dataclass(frozen=True)
@@ -115,13 +115,8 @@ def run_cells(folder: str, metric: str, stage: StageOverview) -> list[tuple[str,
     ]
 
 
-def overviews(root: Path) -> tuple[tuple[RunOverview, ...], dict[str, str]]:
-    """Every search under a folder, the one written last first; and folder -> metric and unit, where known.
-
-    Raises:
-        InputError: no such folder.
-    """
-    runs = find_runs(root)
+def overviews(runs: Sequence[Run]) -> tuple[tuple[RunOverview, ...], dict[str, str]]:
+    """Every search of :func:`~sfkit.search.runs.find_runs`; and folder -> metric and unit, where known."""
     return tuple(map(run_overview, runs)), {
         str(run.folder): recorded_metrics(run.folder, with_unit) or "" for run in runs
     }

@@ -119,7 +119,7 @@ OptionalBenchmarkOptions = Annotated[
     BenchmarkChoice | None,
     replace(_BENCHMARK, make=_benchmark_or_none, defaults={"benchmark": None}),
 ]
-GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark", notes=_ROOT)]
+GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark")]
 _COMPUTE = Group(Compute, "Where networks run", make=_compute, defaults={"engine": "auto"})
 ComputeOptions = Annotated[Compute, _COMPUTE]
 DeviceOptions = Annotated[Compute, replace(_COMPUTE, only=("device",), defaults={})]

@@ -67,13 +67,14 @@ def page(
     from sfkit.search.runs import find_runs
 
     Places().file("--out", out, ".html", force=force)
-    if not find_runs(root):
+    runs = find_runs(root)
+    if not runs:
         raise InputError(f"{root}: no search has left a journal here, expected the folders of searches in it")
     from sfkit.analysis.run_overview import overviews
     from sfkit.figures.run_page import run_page
 
-    runs, metrics = overviews(root)
-    write_text(out, run_page(runs, metrics, f"Searches in {root}"))
+    searches, metrics = overviews(runs)
+    write_text(out, run_page(searches, metrics, f"Searches in {root}"))
     emit({"page": out, "runs": len(runs)}, f"wrote {out}", as_json=json)
 
 

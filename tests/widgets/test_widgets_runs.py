@@ -12,6 +12,7 @@ from sfkit_widgets import RunTable
 
 from sfkit.analysis.run_overview import COLUMNS, overviews, parallel_axes, run_cells
 from sfkit.errors import InputError
+from sfkit.search.runs import find_runs
 
 
 def test_the_table_has_the_page_s_numbers_and_is_read_again(tmp_path: Path) -> None:
@@ -20,7 +21,7 @@ def test_the_table_has_the_page_s_numbers_and_is_read_again(tmp_path: Path) -> N
     table = RunTable(tmp_path)
     assert [row["stage"] for row in table.rows] == ["Stage 1", "Stage 2"]
     assert table.columns == list(COLUMNS)
-    (run,), metrics = overviews(tmp_path)
+    (run,), metrics = overviews(find_runs(tmp_path))
     assert metrics == {str(run.folder): ""}
     for row, stage in zip(table.rows, run.stages, strict=True):
         texts = [text for text, _ in run_cells("first", "", stage)]

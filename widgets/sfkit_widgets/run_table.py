@@ -20,6 +20,7 @@ from sfkit.analysis.run_overview import (
     run_cells,
 )
 from sfkit.files import home
+from sfkit.search.runs import find_runs
 from sfkit_widgets._assets import script, style
 from sfkit_widgets._base import SfkitWidget
 from sfkit_widgets._commands import command
@@ -79,7 +80,7 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: no such folder.
     """
-    found, metrics = overviews(folder)
+    found, metrics = overviews(find_runs(folder))
     return [
         shown_stage(_name(run.folder, folder), metrics[str(run.folder)], stage)
         for run in found
