@@ -24,6 +24,8 @@ NOTEBOOKS = $(shell git ls-files '*.ipynb')
 
 # Several processes share the cores, and arithmetic in one thread is the same on every machine.
 export OMP_NUM_THREADS ?= 1
+# Installed without bytecode, which the first import writes: without it every process would compile torch anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test peers soak lint lab screenshots docs site bench searches evidence clean

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -163,10 +163,30 @@ class Notebook:
 
     def ready(self) -> None:
         """Wait until the notebook is there and its kernel is idle."""
-        self.page.wait_for_selector(".jp-NotebookPanel .jp-Notebook, .jp-Notebook")
+        self._again(self._idle)
+
+    def _idle(self, patience: float) -> None:
+        self.page.wait_for_selector(".jp-NotebookPanel .jp-Notebook, .jp-Notebook", timeout=patience)
         self.page.wait_for_function(
-            "() => window.jupyterapp?.shell.currentWidget?.sessionContext?.session?.kernel?.status === 'idle'"
+            "() => window.jupyterapp?.shell.currentWidget?.sessionContext?.session?.kernel?.status === 'idle'",
+            timeout=patience,
         )
+
+    def _again(self, wait: Callable[[float], None]) -> None:
+        """Wait for what a page loses for good where the machine is busy; load it again then, as a reader would.
+
+        A kernel whose first answer is lost stays "starting" until the page is loaded again; what else, see
+        ``back``.
+        """
+        from playwright.sync_api import TimeoutError as NotShown
+
+        for share in (4, 4):
+            try:
+                wait(PATIENCE * 1000 / share)
+                return
+            except NotShown:
+                self.page.reload()
+        wait(PATIENCE * 1000)
 
     def command(self, name: str, **arguments: object) -> None:
         """Have the application do something by its command, as a menu would."""
@@ -239,26 +259,19 @@ class Notebook:
     def reload(self) -> None:
         """Load the page again, as a reader would, until the widget is back; the kernel lives on."""
         self.page.reload()
-        self.ready()
         self.back()
 
     def back(self) -> None:
         """Wait until the widget of a page that was loaded beside a living kernel is back.
 
         JupyterLab's manager of widgets asks the kernel for them after a load, twice at once, and gives it
-        four seconds, and says nothing where that fails: nothing comes then, however long one waits. So the
-        page is loaded again, as a reader would.
+        four seconds, and says nothing where that fails: nothing comes then, however long one waits.
         """
-        from playwright.sync_api import TimeoutError as NotShown
+        self._again(self._widget)
 
-        for share in (4, 4, 2):
-            try:
-                self.page.wait_for_selector(".sfkit", timeout=PATIENCE * 1000 / share)
-                return
-            except NotShown:
-                self.page.reload()
-                self.ready()
-        self.page.wait_for_selector(".sfkit")
+    def _widget(self, patience: float) -> None:
+        self._idle(patience)
+        self.page.wait_for_selector(".sfkit", timeout=patience)
 
     def evaluate(self, expression: str) -> Any:
         """The value of a Python expression in the notebook's kernel, through JSON; cells stay as they are."""
