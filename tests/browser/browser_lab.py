@@ -166,14 +166,12 @@ class Notebook:
         self._again(self._idle)
 
     def _idle(self, patience: float) -> None:
+        kernel = "window.jupyterapp?.shell.currentWidget?.sessionContext?.session?.kernel"
         self.page.wait_for_selector(".jp-NotebookPanel .jp-Notebook, .jp-Notebook", timeout=patience)
-        self.page.wait_for_function(
-            "() => window.jupyterapp?.shell.currentWidget?.sessionContext?.session?.kernel?.status === 'idle'",
-            timeout=patience,
-        )
+        self.page.wait_for_function(f"() => {kernel}?.status === 'idle'", timeout=patience)
 
     def _again(self, wait: Callable[[float], None]) -> None:
-        """Wait for what a page loses for good where the machine is busy; load it again then, as a reader would.
+        """Wait for what a page can lose for good on a busy machine; load it again then, as a reader would.
 
         A kernel whose first answer is lost stays "starting" until the page is loaded again; what else, see
         ``back``.
