@@ -88,7 +88,14 @@ def other_content(path: Path) -> str | None:
         return "is a Git LFS pointer, expected the weights it stands for: fetch them with git lfs pull"
     if begin.lower().startswith((b"<!doctype", b"<html", b"<head", b"<?xml")):
         return "is a web page, expected weights: look whether the download needs a login"
+    # Archives, pickles and tar files all have bytes that no text has.
+    if path.suffix.lower() in TORCH_SUFFIXES and begin and begin.isascii() and _is_text(begin.decode()):
+        return f"is a text that begins {begin[:20].decode()!r}, expected weights"
     return None
+
+
+def _is_text(begin: str) -> bool:
+    return all(sign.isprintable() or sign.isspace() for sign in begin)
 
 
 def read_texts(path: Path) -> dict[str, str]:

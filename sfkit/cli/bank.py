@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from sfkit.cli.groups import sub_commands
-from sfkit.cli.options import JsonOption, emit
+from sfkit.cli.options import NAMED, JsonOption, emit
 from sfkit.cli.outputs import Places
 from sfkit.cli.terminal import Bars
-from sfkit.errors import InputError
+from sfkit.errors import InputError, ensure_known
 
 app = sub_commands()
 
@@ -36,9 +36,7 @@ def build(
     Example:
       sfkit bank build
     """
-    from sfkit.bank.plan import bank_plan
-
-    bank_plan(name)
+    ensure_known("embedded bank", name, NAMED)
     out = out or Path("runs") / name
     places = Places()
     places.folder("--out", out, ("pool.toml", "base.safetensors", "trainings.json", "fingerprints.json"))

@@ -73,8 +73,7 @@ def baselines(
     places = Places(csv=data.csv)
     places.file("--out", out, ".csv", force=force)
     places.store(store)
-    chosen, combine = data.open(), guidance.combine
-    guides = guides_of(chosen, guidance)
+    guides, combine = guides_of(data, guidance), guidance.combine
     from sfkit.analysis.trust import trust_of
     from sfkit.baselines import baseline_table, run_baselines
     from sfkit.evaluation.table import write_table
@@ -104,7 +103,7 @@ def baselines(
         write_table(baseline_table(run), out)
     document = {
         "pool": opened.name,
-        "benchmark": chosen.describe(),
+        "benchmark": guides[0].describe(),
         **described(guides, combine),
         "metric": str(evaluators[0].metric),
         "unit": evaluators[0].metric.unit,

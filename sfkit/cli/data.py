@@ -6,10 +6,12 @@ from typing import Annotated
 
 import typer
 
+from sfkit.cli.foreseen import ensure_root
 from sfkit.cli.groups import PanelCommand, grouped, sub_commands
 from sfkit.cli.options import JsonOption, emit
 from sfkit.cli.panels import FolderOptions
 from sfkit.cli.terminal import Bars
+from sfkit.datasets.shipped import ensure_data_set, source_manifest_names
 from sfkit.errors import InputError
 
 SAID_EVERY = 100  # pairs
@@ -37,19 +39,18 @@ def check(
       sfkit data check eth3d --root ~/ETH3D
       sfkit data check vkitti2 --root ~/VirtualKITTI2
     """
-    root = folder.root
-    if root is None:
-        raise InputError(f"--root is missing, expected the folder of benchmark {name!r}")
-    from sfkit.datasets.check import check_data
-    from sfkit.datasets.check_source import check_training_set
-    from sfkit.datasets.source_manifests import source_manifest_names
-
+    ensure_data_set(name, *source_manifest_names())
+    root = ensure_root(name, folder.root)
     if name in source_manifest_names():
         given = next((o for key, o in vars(folder).items() if key != "root" and o is not None), None)
         if given is not None:
             raise InputError(f"{name}: found {given!r}, its manifest says how it is read; leave it out")
+        from sfkit.datasets.check_source import check_training_set
+
         report = check_training_set(name, root)
     else:
+        from sfkit.datasets.check import check_data
+
         with Bars(keep=False) as bars:
 
             def advance(done: int, total: int) -> None:

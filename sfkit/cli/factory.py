@@ -56,14 +56,15 @@ def run(
       sfkit factory run factory.toml
       sfkit factory run factory.toml --train-on cuda:0 --train-on cuda:1 --device cuda --report garage.html
     """
-    from sfkit.factory import read_factory, report_values
+    from sfkit.factory.file import JOINT, read_factory
+
+    factory = read_factory(file)
+    from sfkit.factory import report_values
     from sfkit.factory import run as run_factory
-    from sfkit.factory.file import JOINT
     from sfkit.factory.outputs import COSTS, POOL, SCORES, SEARCH, STORE, ensure_own
     from sfkit.search.run_folder import LOCK, OUTPUTS
     from sfkit.search.run_folder import SEARCH as SEARCH_RECORD
 
-    factory = read_factory(file)
     places = Places()
     places.reads("FILE", file)
     places.reads(f"base in {file}", factory.base)
@@ -133,10 +134,13 @@ def train(
     Example:
       sfkit factory train factory.toml streets --device cuda
     """
-    from sfkit.factory import read_factory, train_one
+    from sfkit.factory.file import read_factory
+
+    factory = read_factory(file)
+    from sfkit.factory import train_one
 
     with Bars() as bars:
-        written = train_one(read_factory(file), name, device, bars.show)
+        written = train_one(factory, name, device, bars.show)
     emit({"file": written}, f"wrote {written}", as_json=json)
 
 
@@ -148,10 +152,12 @@ def status(file: FactoryArgument, json: JsonOption = False) -> None:
     Example:
       sfkit factory status factory.toml
     """
-    from sfkit.factory import most_evaluations, read_factory
-    from sfkit.factory import status as factory_status
+    from sfkit.factory.file import read_factory
 
     factory = read_factory(file)
+    from sfkit.factory import most_evaluations
+    from sfkit.factory import status as factory_status
+
     items = factory_status(factory)
     lines = [f"{'network':24s} {'state':8s} {'steps':>8s} {'seconds':>9s}"]
     lines += [

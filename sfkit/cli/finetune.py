@@ -11,13 +11,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.checkpoints.targets import FileForm, check_target
-from sfkit.cli.foreseen import ensure_loadable
+from sfkit.cli.foreseen import ensure_benchmark, ensure_loadable, ensure_root
 from sfkit.cli.groups import Group
 from sfkit.cli.options import ForceOption, JsonOption, NetworkOption, emit, say
 from sfkit.cli.outputs import Places
 from sfkit.cli.panels import DeviceOptions, FolderChoice
 from sfkit.cli.terminal import Bars
+from sfkit.datasets.shipped import ensure_training_set
 from sfkit.outside import read_toml
+from sfkit.training.places import OUTPUTS, TRAINED, training_folder
 from sfkit.training.settings import Augmentation, TrainingSettings
 
 if TYPE_CHECKING:
@@ -91,20 +93,23 @@ def command(
       sfkit finetune sceneflow.tar vkitti2 -a anynet --root ~/VirtualKITTI2 -o vkitti2.safetensors
       torchrun --nproc-per-node 4 -m sfkit finetune base.pth fsd -a nmrf-swint -r ~/FSD -o fsd.safetensors
     """
-    from sfkit.datasets.benchmark import open_benchmark
-    from sfkit.datasets.training_sets import open_training_set
-    from sfkit.training.places import OUTPUTS, TRAINED, training_folder
-
     check_target(out, form, overwrite=force)
     places = Places(settings=settings, csv=reading.csv)
     places.reads("BASE", base)
     places.claim("--out", out)
     places.folder("--out", training_folder(out), OUTPUTS)
+    ensure_training_set(data)
+    ensure_root(data, root)
+    if validation is not None:
+        ensure_benchmark(validation, validation_root, place="--validation-root")
+    options = ensure_loadable(base, architecture, option, trained=TRAINED)
+    from sfkit.datasets.benchmark import open_benchmark
+    from sfkit.datasets.training_sets import open_training_set
+
     chosen = replace(training, augmentation=augmentation)
     pairs = open_training_set(data, root, hold_out=hold_out, coding=reading.coding, table=reading.csv)
     say(f"{pairs.name}: {pairs.coverage}, {len(pairs.held_out)} held out, {chosen.steps(len(pairs))} steps")
     scored = None if validation is None else open_benchmark(validation, validation_root)
-    options = ensure_loadable(base, architecture, option, trained=TRAINED)
     from sfkit.training.finetune import finetune
 
     with _Processes(compute.kind), Bars() as bars:

@@ -1,4 +1,4 @@
-"""What can be told of pools and networks before torch is imported, so that a slip is refused at once."""
+"""What can be told of pools, benchmarks and networks before anything heavy is imported, to refuse slips."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from sfkit.architectures.names import ensure_architecture
 from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.checkpoints.targets import DTYPE_NAMES
-from sfkit.cli.options import NAMED, naming, network_options
-from sfkit.errors import ensure_known
+from sfkit.cli.options import NAMED, RENDERED, naming, network_options
+from sfkit.datasets.roots import open_root
+from sfkit.datasets.shipped import ensure_data_set
+from sfkit.errors import InputError, ensure_known
+from sfkit.files import home
 from sfkit.merging.blocks import parse_partition
 from sfkit.merging.known import ensure_options, nobody_registered
 from sfkit.merging.named import named_pool
@@ -37,6 +40,46 @@ def roster_of(path: str, blocks: str | None = None, dtype: str | None = None) ->
         return found
 
     return naming(path, read)
+
+
+def ensure_benchmark(
+    name: str,
+    root: str | Path | None,
+    *,
+    protocol: str | None = None,
+    metric: str | None = None,
+    place: str = "--root",
+) -> None:
+    """Refuse what can be told of a benchmark by its name and its folder, which ``place`` names.
+
+    Raises:
+        InputError: nobody knows the benchmark, its metric or protocol; its folder is not named, or not there.
+    """
+    from sfkit.datasets.metric import Metric
+    from sfkit.datasets.protocols import RULES
+    from sfkit.datasets.synthetic.domains import worlds
+
+    collection, colon, world = name.partition(":")
+    if collection not in RENDERED:
+        ensure_data_set(name, *(f"{one}:NAME" for one in RENDERED))
+        ensure_root(name, root, place)
+    elif colon:
+        ensure_known("benchmark of the bank", world, worlds())
+    if metric is not None:
+        Metric.parse(metric)
+    if protocol is not None:
+        ensure_known("protocol", protocol, RULES)
+
+
+def ensure_root(name: str, root: str | Path | None, place: str = "--root") -> Path:
+    """The folder of a data set, or its table of pairs.
+
+    Raises:
+        InputError: it is not named, or not there.
+    """
+    if root is None:
+        raise InputError(f"{place} is missing, expected the folder of benchmark {name!r}")
+    return Path(root) if home(root).is_file() else open_root(root)
 
 
 def ensure_loadable(

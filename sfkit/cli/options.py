@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Made = TypeVar("Made")
 NAMED = ("bank", "bank-slim", "bank-sharp")  # pools that come with sfkit
+RENDERED = ("bank", "bank-sharp")  # collections of benchmarks that do
 LARGE = 100 * 2**20  # bytes of a checkpoint that takes so long to read that one wants to see it
 
 

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+from sfkit.cli.foreseen import ensure_benchmark
 from sfkit.cli.groups import Group, names
-from sfkit.datasets.shipped import manifest_names
-from sfkit.errors import InputError
 from sfkit.evaluation.compute import PARAMETERS, Compute, check_device
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings
 from sfkit.settings import setting
@@ -54,13 +53,9 @@ class BenchmarkChoice(FolderChoice):
                 bank's benchmarks (``bank:NAME``) have none.
         """
         root = self.csv.parent if self.root is None and self.csv is not None else self.root
-        rootless = InputError(f"--root is missing, expected the folder of benchmark {self.benchmark!r}")
-        if root is None and self.benchmark in manifest_names():
-            raise rootless
-        from sfkit.datasets.benchmark import has_files, open_benchmark
+        ensure_benchmark(self.benchmark, root, protocol=self.protocol, metric=self.metric)
+        from sfkit.datasets.benchmark import open_benchmark
 
-        if root is None and has_files(self.benchmark):
-            raise rootless
         benchmark = open_benchmark(
             self.benchmark,
             root,

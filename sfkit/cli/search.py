@@ -119,7 +119,7 @@ def search(
     check_resamples(resamples, second)
     check_parts(chosen, second, begin)
     _ensure_names(roster_of(pool, blocks, dtype), chosen, second, constraints, begin)
-    guides, combine = guides_of(data.open(), guidance), guidance.combine
+    guides, combine = guides_of(data, guidance, test), guidance.combine
     tests = tests_of(test, guides)
     from sfkit.analysis.overfit import holdout_check
     from sfkit.analysis.search_verdict import missing

@@ -8,9 +8,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from sfkit.cli.foreseen import ensure_benchmark
 from sfkit.cli.groups import names
 from sfkit.cli.options import say, store_of
-from sfkit.cli.panels import Guidance
+from sfkit.cli.panels import BenchmarkChoice, Guidance
+from sfkit.datasets.shipped import UNLABELLED
 from sfkit.errors import InputError
 from sfkit.outside import once
 
@@ -21,14 +23,22 @@ if TYPE_CHECKING:
     from sfkit.merging import Pool
 
 
-def guides_of(first: Benchmark, guidance: Guidance) -> tuple[Benchmark, ...]:
+def guides_of(
+    data: BenchmarkChoice, guidance: Guidance, tests: Sequence[str] | None = None
+) -> tuple[Benchmark, ...]:
     """The validation benchmarks, their files found and not yet read.
 
     Raises:
-        InputError: ``--also`` or ``--combine`` cannot be understood.
+        InputError: a benchmark, ``--also``, ``--combine`` or one of ``--test`` cannot be understood.
     """
     if guidance.combine not in ("mean", "worst"):
         raise InputError(f"--combine: found {guidance.combine!r}, expected mean or worst")
+    for option, texts in (("--also", guidance.also), ("--test", tests)):
+        for text in texts or ():
+            values = _arguments(option, text)
+            foreseen = {key: values.get(key) for key in ("root", "protocol", "metric")}
+            ensure_benchmark(values["name"], **foreseen, place=f"{option}: root")
+    first = data.open()
     return _distinct([first, *(_named("--also", text, first.metric) for text in guidance.also or ())])
 
 
@@ -136,17 +146,20 @@ def _named(option: str, text: str, metric: str | None) -> Benchmark:
     """
     from sfkit.datasets.benchmark import open_benchmarks
     from sfkit.datasets.metric import Metric
-    from sfkit.datasets.unlabelled import UNLABELLED
 
+    values = _arguments(option, text)
+    own = metric is None or values["name"] == UNLABELLED or not Metric.parse(metric).needs_truth
+    (benchmark,) = open_benchmarks([values if own else {"metric": metric, **values}])
+    benchmark.ensure_scorable()
+    return benchmark
+
+
+def _arguments(option: str, text: str) -> dict[str, Any]:
+    """What is said of a further benchmark, by name."""
     if not names(text):
         raise InputError(f"{option} is empty, expected a benchmark such as kitti2012,root=~/KITTI")
     name, *entries = names(text)
-    own = metric is None or name == UNLABELLED or not Metric.parse(metric).needs_truth
-    values: dict[str, Any] = {} if own else {"metric": metric}
-    values |= once(option, [("name", name), *(_entry(option, entry) for entry in entries)])
-    (benchmark,) = open_benchmarks([values])
-    benchmark.ensure_scorable()
-    return benchmark
+    return dict(once(option, [("name", name), *(_entry(option, entry) for entry in entries)]))
 
 
 def _entry(option: str, text: str) -> tuple[str, str | int]:

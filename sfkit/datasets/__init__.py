@@ -10,9 +10,10 @@ if TYPE_CHECKING:
     from sfkit.datasets.check import DataReport, check_data
     from sfkit.datasets.formats import read_disparity, read_pfm, write_disparity_png16
     from sfkit.datasets.images import read_image
-    from sfkit.datasets.manifests import Manifest, load_manifest, manifest_names
+    from sfkit.datasets.manifests import Manifest, load_manifest
     from sfkit.datasets.metric import Metric, register_metric
     from sfkit.datasets.pairs import MemoryPair, Pair, Sample, StereoPair
     from sfkit.datasets.pfm import write_pfm
+    from sfkit.datasets.shipped import manifest_names
 else:
     __getattr__, __dir__ = on_demand(__name__)

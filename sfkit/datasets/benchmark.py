@@ -13,17 +13,18 @@ from typing import Any
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.census import CENSUS
 from sfkit.datasets.folders import find_in_folders, nothing_recognised
-from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root, warn_of_incomplete
+from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, warn_of_incomplete
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
+from sfkit.datasets.roots import open_root
+from sfkit.datasets.shipped import PAIRS, UNLABELLED
 from sfkit.datasets.tables import absent_files, find_in_table
-from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
+from sfkit.datasets.unlabelled import find_unlabelled
 from sfkit.errors import InputError, ensure_known
 from sfkit.files import home
 
-PAIRS = "pairs"
 PAIRS_METRIC = "epe"
 
 
@@ -44,8 +45,8 @@ def register_benchmarks(collection: str, names: Iterable[str], make: Callable[[s
     _RENDERED[collection] = _Rendered(tuple(names), make)
 
 
-def has_files(name: str) -> bool:
-    """Whether the benchmark of that name lies in a folder, which has to be named then."""
+def _has_files(name: str) -> bool:
+    """Whether the benchmark of that name lies in a folder."""
     collection = name.partition(":")[0]
     if collection.startswith(SHIPPED.split(".")[1]):  # what it registers is called after it
         importlib.import_module(SHIPPED)
@@ -92,7 +93,7 @@ def open_benchmark(
         raise InputError(
             f"{name}: found every={every}, which thins unlabelled video; use pairs=N, or leave it"
         )
-    if not has_files(name):
+    if not _has_files(name):
         rendered = _rendered(name)
         if root is not None or resolution is not None or coding is not None or table is not None:
             raise InputError(

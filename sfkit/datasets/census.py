@@ -20,15 +20,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sfkit.datasets.metric import Count, Map, Mask, Metric, Ratio, register_metric
-from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError
 
 if TYPE_CHECKING:
+    import numpy as np
     import torch
+    from numpy.typing import NDArray
+
+    from sfkit.datasets.pairs import Sample
 
 CHANCE = 50.0  # percent of bits by which unrelated images differ: the worst a map can do
 
@@ -211,7 +211,7 @@ TEXTURE = 4.0  # grey levels within 5 x 5 pixels, after smoothing; sensor noise 
 def _grey(image: NDArray[np.uint8], device: torch.device) -> torch.Tensor:
     import torch
 
-    return torch.from_numpy(image.mean(axis=2, dtype=np.float32)).to(device)
+    return torch.from_numpy(image.mean(axis=2, dtype="float32")).to(device)
 
 
 def _smoothed(image: torch.Tensor, scale: CensusScale) -> torch.Tensor:

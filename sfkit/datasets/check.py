@@ -9,13 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.datasets import check_sample
-from sfkit.datasets.benchmark import PAIRS, find_own_pairs
+from sfkit.datasets.benchmark import find_own_pairs
 from sfkit.datasets.folders import nothing_recognised
-from sfkit.datasets.listing import PairListing, find_pairs, nothing_found, open_root
+from sfkit.datasets.listing import PairListing, find_pairs, nothing_found
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair, is_labelled
 from sfkit.datasets.protocols import protocols_without_mask, rules_for
-from sfkit.datasets.unlabelled import UNLABELLED, find_unlabelled
+from sfkit.datasets.roots import open_root
+from sfkit.datasets.shipped import PAIRS, UNLABELLED
+from sfkit.datasets.unlabelled import find_unlabelled
 from sfkit.errors import InputError
 
 Counted = Callable[[int, int], None]

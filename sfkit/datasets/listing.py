@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from sfkit.datasets.manifests import ID, RESOLUTION, Manifest, PairLayout
 from sfkit.datasets.pairs import StereoPair
-from sfkit.errors import InputError, SfkitWarning
-from sfkit.files import home
+from sfkit.datasets.roots import inside
+from sfkit.errors import SfkitWarning
 
 NEEDED = ("left", "right", "disparity")
 
@@ -119,38 +118,3 @@ def _ids(layout: PairLayout, root: Path, place: str, resolution: str | None) -> 
 
 def _fill(pattern: str, name: str, resolution: str | None) -> str:
     return pattern.replace(ID, name).replace(RESOLUTION, resolution or "")
-
-
-def open_root(root: Path | str) -> Path:
-    """The data folder as an absolute path; it may itself be a symbolic link.
-
-    Raises:
-        InputError: there is no such folder.
-    """
-    folder = home(root)
-    if not folder.is_dir():
-        raise InputError(f"{folder}: found no such folder, expected the folder that holds the data set")
-    return folder.resolve()
-
-
-def inside(root: Path, relative: PurePath | str) -> Path:
-    """``root / relative``, which must not leave ``root`` by ``..`` or as an absolute path.
-
-    Links that lie there are followed wherever they lead: whoever owns the folder has put them there.
-
-    Raises:
-        InputError: the path leads outside, or no file can have its name.
-    """
-    path = Path(os.path.normpath(root / relative))
-    try:
-        # Asks the system whether a file can have this name: it may be too long, or hold a zero byte.
-        path.lstat()
-    except (OSError, ValueError) as error:
-        if not isinstance(error, FileNotFoundError | NotADirectoryError):
-            raise InputError(f"{str(relative)[:100]!r}: is no name of a file ({error.args[-1]})") from error
-    if not path.is_relative_to(root) and not Path(os.path.realpath(path)).is_relative_to(root):
-        raise InputError(
-            f"{relative}: leads to {path}, expected a path under {root}; "
-            "copy the file there, or give a folder that holds all files"
-        )
-    return path

@@ -12,7 +12,7 @@ from sfkit.datasets.formats import Coding
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MaskCoding
 from sfkit.datasets.protocols import rule
-from sfkit.datasets.shipped import manifest_folder, manifest_names
+from sfkit.datasets.shipped import ensure_data_set, manifest_folder
 from sfkit.errors import InputError, member_of, nearest, unknown_name
 from sfkit.outside import read_toml
 
@@ -108,8 +108,7 @@ def load_manifest(name: str) -> Manifest:
     Raises:
         InputError: no such manifest, or its file is not valid.
     """
-    if name not in manifest_names():
-        raise unknown_name("data set", name, (*manifest_names(), "pairs"))
+    ensure_data_set(name)
     return read_manifest(manifest_folder() / f"{name}.toml")
 
 

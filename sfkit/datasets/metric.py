@@ -13,22 +13,25 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
-from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, nearest
+
+# A metric that is mistyped is told before arrays are imported.
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sfkit.datasets.pairs import Sample
 
 D1_PIXELS = 3.0
 
-Mask = NDArray[np.bool_]
-Map = NDArray[np.floating[Any]]
+Mask: TypeAlias = "NDArray[np.bool_]"
+Map: TypeAlias = "NDArray[np.floating[Any]]"
 Ratio = tuple[float, float]
 """A sum and what it is divided by, over the pixels of one image: pooled scores add both over images."""
 
-Count = Callable[[Map], Ratio]
+Count: TypeAlias = "Callable[[Map], Ratio]"
 """The sum and count of one predicted disparity (H, W) in pixels of a pair that is known."""
 
 

@@ -22,16 +22,19 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from sfkit.datasets.metric import ImageSums, Mask, Metric
-from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, ensure_known
 
-Values = NDArray[np.float64]
+# As in metric: names and rules are known before arrays are imported.
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from sfkit.datasets.pairs import Sample
+
+Values: TypeAlias = "NDArray[np.float64]"
 
 DEFAULT_PROTOCOL = "openstereo"
 PAIRS_PROTOCOL = "all-valid"
@@ -73,6 +76,8 @@ class Rule:
 
     def in_range(self, sample: Sample) -> Mask:
         """(H, W) bool: ground truth within the protocol's range, occluded pixels included."""
+        import numpy as np
+
         truth = sample.disparity
         # Unknown pixels are NaN, whose comparisons are False, as they should be, and warn.
         with np.errstate(invalid="ignore"):
@@ -117,6 +122,8 @@ class Rule:
         times the bad pixels and the pixels that count. The score is sum / sum, of the benchmark as it is and
         of any resampling of its images.
         """
+        import numpy as np
+
         metric = Metric.parse(metric)
         if self.pools(metric):
             counts = [metric.ratio(image) for image in errors]

@@ -9,7 +9,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sfkit.datasets.manifests import check_name, made, manifest_folder, pop_layouts
+from sfkit.datasets.manifests import check_name, made, pop_layouts
+from sfkit.datasets.shipped import source_manifest_folder, source_manifest_names
 from sfkit.errors import InputError, ensure_known, unknown_name
 from sfkit.outside import read_toml, table
 
@@ -83,16 +84,6 @@ class SourceManifest:
             return True
         # Python's own hash of a text differs from process to process.
         return bool(self.hold_every) and zlib.crc32(sequence.encode()) % self.hold_every == 0
-
-
-def source_manifest_folder() -> Path:
-    """The folder of the training sets' manifests."""
-    return manifest_folder() / "training"
-
-
-def source_manifest_names() -> tuple[str, ...]:
-    """The names of all training sets with a manifest, sorted."""
-    return tuple(sorted(path.stem for path in source_manifest_folder().glob("*.toml")))
 
 
 def load_source_manifest(name: str) -> SourceManifest:

@@ -11,10 +11,11 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from sfkit.datasets.folders import coding_for
-from sfkit.datasets.listing import NEEDED, PairListing, inside
+from sfkit.datasets.listing import NEEDED, PairListing
 from sfkit.datasets.matching import ensure_two
 from sfkit.datasets.pairs import StereoPair
 from sfkit.datasets.pfm import read_bytes
+from sfkit.datasets.roots import inside
 from sfkit.errors import InputError, nearest
 from sfkit.files import is_file
 

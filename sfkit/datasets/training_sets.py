@@ -10,23 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
-from sfkit.datasets.benchmark import PAIRS, find_own_pairs, open_benchmark
+from sfkit.datasets.benchmark import find_own_pairs, open_benchmark
 from sfkit.datasets.digests import file_digest
 from sfkit.datasets.folders import nothing_recognised
 from sfkit.datasets.images import read_grey, read_image
-from sfkit.datasets.listing import inside, open_root
-from sfkit.datasets.manifests import manifest_names
 from sfkit.datasets.pairs import Pair, Sample
+from sfkit.datasets.roots import inside, open_root
+from sfkit.datasets.shipped import PAIRS, ensure_training_set, source_manifest_names
 from sfkit.datasets.source_cameras import constant_of
 from sfkit.datasets.source_codings import read_source_disparity
 from sfkit.datasets.source_manifests import (
     SourceLayout,
     SourceManifest,
     load_source_manifest,
-    source_manifest_names,
 )
 from sfkit.datasets.training_set import TrainingSet
-from sfkit.errors import InputError, unknown_name
+from sfkit.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -137,8 +136,7 @@ def open_training_set(
     if name in source_manifest_names():
         manifest, folder = load_source_manifest(name), open_root(root)
         return _training_set(manifest, folder, find_source_pairs(manifest, folder), hold_out=hold_out)
-    if name not in manifest_names():
-        raise unknown_name("training set", name, (*source_manifest_names(), *manifest_names(), PAIRS))
+    ensure_training_set(name)
     benchmark = open_benchmark(name, root, protocol="all-valid")
     return TrainingSet(
         name,

@@ -42,25 +42,24 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sfkit.architectures.registry import entry_for
-from sfkit.bank.plan import banks
-from sfkit.bank.rendered import training_set as rendered
+from sfkit.bank.folders import FOLDERS
 from sfkit.checkpoints.spec import ROWS, SOURCE_NAME
-from sfkit.datasets.benchmark import open_benchmarks
-from sfkit.datasets.benchmark_record import Benchmark
-from sfkit.datasets.training_set import TrainingSet
-from sfkit.datasets.training_sets import open_training_set
+from sfkit.datasets.shipped import ensure_training_set
 from sfkit.errors import InputError, ensure_known
-from sfkit.evaluation.separation import check_separation
 from sfkit.files import home
 from sfkit.outside import read_toml, table, text
 from sfkit.search import RoutingSettings, SubsetSettings
 from sfkit.search.checks import METHODS
-from sfkit.search.plan import SearchPlan
 from sfkit.settings import require_whole
-from sfkit.training import TrainingSettings
+from sfkit.training.settings import TrainingSettings
+
+# What the file says is checked before what reads images and networks is imported.
+if TYPE_CHECKING:
+    from sfkit.datasets.benchmark_record import Benchmark
+    from sfkit.datasets.training_set import TrainingSet
+    from sfkit.search.plan import SearchPlan
 
 KEYS = (
     "name",
@@ -76,7 +75,8 @@ KEYS = (
     "tests",
 )
 SOURCE_KEYS = ("data", "root", "pairs", "training", "licence", "all", "coding")
-SEARCH_KEYS = ("method", "population", "generations", "evaluations", "combine", "seed", "resamples")
+SIZES = ("population", "generations", "evaluations", "seed", "resamples")
+SEARCH_KEYS = ("method", "combine", *SIZES)
 TABLES = ("options", "training", "sources", "search")
 COMBINATIONS = ("mean", "worst")
 JOINT, MERGED, SEARCHED = "joint", "merged", "search"
@@ -159,16 +159,23 @@ def read_factory(path: str | Path) -> Factory:
     tables = {key: table(values.get(key, {}), f"{path}: {key}") for key in TABLES}
     name = text(values["architecture"], f"{path}: architecture")
     module = here.resolve() / home(text(values["module"], f"{path}: module")) if "module" in values else None
-    entry = entry_for(name, module, here.resolve())
     common, search = tables["training"], table(tables["search"], f"[search] in {path}", SEARCH_KEYS)
     combine = search.get("combine", COMBINATIONS[0])
     ensure_known(f"combine of [search] in {path}", combine, COMBINATIONS)
-    orders = tuple(
-        _order(path, name, table(entry, f"[sources.{name}] in {path}"), common)
-        for name, entry in tables["sources"].items()
-    )
+    sizes = {
+        key: require_whole(f"{key} of [search] in {path}", search[key], 0) for key in SIZES if key in search
+    }
+    method, joint = str(search.get("method", METHODS[0])), _truth(values, "joint", str(path))
+    ensure_known("method", method, METHODS)
+    settings = {source: _settings(path, source, entry, common) for source, entry in tables["sources"].items()}
     guides, tested = (_several(values.get(key, [])) for key in ("validation", "tests"))
     given = tuple(_given(path, entry) for entry in (*guides, *tested))
+    from sfkit.architectures.registry import entry_for
+    from sfkit.datasets.benchmark import open_benchmarks
+    from sfkit.evaluation.separation import check_separation
+
+    entry = entry_for(name, module, here.resolve())
+    orders = tuple(_order(path, source, tables["sources"][source], how) for source, how in settings.items())
     # All of them now: what is wrong with the last is not to be met after the trainings.
     benchmarks = tuple(open_benchmarks(given))
     for benchmark in benchmarks:
@@ -188,17 +195,18 @@ def read_factory(path: str | Path) -> Factory:
         code=None if entry.code is None else entry.code.path,
         options=tables["options"],
         orders=orders,
-        joint=_joint(orders, common, path) if _truth(values, "joint", str(path)) else None,
+        joint=_joint(orders, common, path) if joint else None,
         validation=validation,
         combine=combine,
         tests=tests,
         given=given,
-        plan=_plan(path, search),
+        plan=_plan(method, sizes),
         out=here / home(text(values.get("out", "."), f"{path}: out")),
     )
 
 
-def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, Any]) -> Order:
+def _settings(path: Path, name: str, entry: Any, common: Mapping[str, Any]) -> TrainingSettings:
+    """How a source is trained, once all that its table says makes sense."""
     where = f"[sources.{name}] in {path}"
     table(entry, where, SOURCE_KEYS)
     if not SOURCE_NAME.fullmatch(name):
@@ -207,21 +215,37 @@ def _order(path: Path, name: str, entry: dict[str, Any], common: Mapping[str, An
         raise InputError(
             f"{path}: found a source called {name!r}, which names something else in tables; rename it"
         )
+    require_whole(f"{where}: pairs", entry.get("pairs", 1), 1)
+    data = text(entry.get("data", ""), f"{where}: data")
+    if not _of_a_bank(data):
+        ensure_training_set(data)
+        if "root" not in entry:
+            raise InputError(f"{where}: the key root is missing, expected the folder of {data!r}")
+    own = table(entry.get("training", {}), f"[sources.{name}.training] in {path}")
+    return TrainingSettings.from_dict({**common, **own}, where)
+
+
+def _of_a_bank(data: str) -> bool:
+    collection, colon, _ = data.partition(":")
+    return bool(colon) and collection in FOLDERS
+
+
+def _order(path: Path, name: str, entry: Mapping[str, Any], settings: TrainingSettings) -> Order:
+    where = f"[sources.{name}] in {path}"
     data = _data(path, where, entry)
     if "pairs" in entry:
-        data = data.first(require_whole(f"{where}: pairs", entry["pairs"], 1))
-    own = table(entry.get("training", {}), f"[sources.{name}.training] in {path}")
-    settings = TrainingSettings.from_dict({**common, **own}, where)
+        data = data.first(entry["pairs"])
     return Order(name, data, settings, text(entry.get("licence", ""), f"{where}: licence"))
 
 
 def _data(path: Path, where: str, entry: Mapping[str, Any]) -> TrainingSet:
-    name = text(entry.get("data", ""), f"{where}: data")
-    collection, colon, domain = name.partition(":")
-    if colon and collection in banks():
-        return rendered(domain, require_whole(f"{where}: pairs", entry.get("pairs", 160), 1), of=collection)
-    if "root" not in entry:
-        raise InputError(f"{where}: the key root is missing, expected the folder of {name!r}")
+    from sfkit.bank.rendered import training_set
+    from sfkit.datasets.training_sets import open_training_set
+
+    name = str(entry["data"])
+    if _of_a_bank(name):
+        collection, _, domain = name.partition(":")
+        return training_set(domain, entry.get("pairs", 160), of=collection)
     root = path.parent / home(text(entry["root"], f"{where}: root"))
     coding = None if "coding" not in entry else text(entry["coding"], f"{where}: coding")
     return open_training_set(name, root, hold_out=not _truth(entry, "all", where), coding=coding)
@@ -244,26 +268,26 @@ def _given(path: Path, entry: Any) -> dict[str, Any]:
 
 
 def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> Order:
+    from sfkit.datasets.training_set import TrainingSet
+
     pairs = tuple(pair for order in orders for pair in order.data.pairs)
     licence = "; ".join(dict.fromkeys(order.licence or order.data.licence for order in orders))
     data = TrainingSet(JOINT, pairs, licence=licence)
     return Order(JOINT, data, TrainingSettings.from_dict(common, f"[training] in {path}"))
 
 
-def _plan(path: Path, search: Mapping[str, Any]) -> SearchPlan:
-    def size(key: str, default: int) -> int:
-        return require_whole(f"{key} of [search] in {path}", search.get(key, default), 0)
+def _plan(method: str, sizes: Mapping[str, int]) -> SearchPlan:
+    """What is not said is as the method has it."""
+    from sfkit.search.plan import SearchPlan
 
-    seed = size("seed", 0)
-    plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
-    plan = plan.by(str(search.get("method", METHODS[0])))
-    first = plan.stage1
-    population, generations = size("population", first.population), size("generations", first.generations)
-    plan = replace(plan, stage1=replace(first, population=population, generations=generations))
+    seed = sizes.get("seed", 0)
+    plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed)).by(method)
+    first: dict[str, Any] = {key: sizes[key] for key in ("population", "generations") if key in sizes}
+    plan = replace(plan, stage1=replace(plan.stage1, **first))
     if plan.stage2 is not None:
-        budget = size("evaluations", plan.stage2.evaluations)
+        budget = sizes.get("evaluations", plan.stage2.evaluations)
         plan = replace(plan, stage2=replace(plan.stage2, evaluations=budget) if budget else None)
-    return replace(plan, resamples=size("resamples", plan.resamples))
+    return replace(plan, resamples=sizes.get("resamples", plan.resamples))
 
 
 def _truth(values: Mapping[str, Any], key: str, where: str) -> bool:

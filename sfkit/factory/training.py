@@ -15,7 +15,7 @@ from sfkit.evaluation.compute import ensure_ray
 from sfkit.evaluation.engines.ray_actors import connect
 from sfkit.evaluation.engines.spawned import ISOLATED
 from sfkit.factory.file import Factory, Order, read_factory
-from sfkit.factory.status import DONE, files_of, status
+from sfkit.factory.standing import DONE, files_of, status
 from sfkit.training.finetune import finetune
 from sfkit.training.loop import Course
 

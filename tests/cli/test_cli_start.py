@@ -24,7 +24,7 @@ from sfkit.cli.commands import ENTRIES, Commands
 from sfkit.cli.foreseen import ensure_loadable
 from sfkit.cli.groups import first_paragraph
 from sfkit.cli.inspection import inspect_file
-from sfkit.cli.options import NAMED
+from sfkit.cli.options import NAMED, RENDERED
 from sfkit.datasets.formats import write_png
 from sfkit.errors import InputError
 from sfkit.training.places import TRAINED
@@ -44,8 +44,9 @@ HEAVY = (
 )
 
 
-def test_pools_that_come_with_sfkit_are_known_by_name_before_any_is_opened() -> None:
+def test_pools_and_worlds_that_come_with_sfkit_are_known_by_name_before_any_is_opened() -> None:
     assert set(NAMED) == set(sfkit.bank.banks())
+    assert set(RENDERED) == {sfkit.bank.bank_plan(name).benchmarks for name in sfkit.bank.banks()}
 
 
 def test_what_comes_with_sfkit_is_known_by_name_before_torch_is_imported() -> None:
@@ -94,6 +95,11 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
     (tmp_path / "bad.toml").write_text("[base")
     (tmp_path / "unknown.toml").write_text((tmp_path / "pool.toml").read_text().replace("anynet", "anynett"))
     write_torch_files(tmp_path / "pool", tmp_path / "torch")
+    (tmp_path / "text.pth").write_text("Not found")
+    (tmp_path / "factory.toml").write_text(
+        'name = "p"\nbase = "net.safetensors"\narchitecture = "anynet"\n[sources.a]\ndata = "nothing"\n'
+        '[validation]\nname = "bank:courtyard"\n'
+    )
     lines = {
         "--help": 0,
         "evaluat": 2,
@@ -154,6 +160,21 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "runs page nowhere": 2,
         "runs export nothing.sqlite -o new.csv": 2,
         "runs import nothing.sqlite --into new.sqlite": 2,
+        "search bank -b eth3d": 2,
+        "compare a.pth b.pth -b kitty -r here": 2,
+        "baselines bank -b eth3d -r nowhere": 2,
+        "search bank -b bank:nowhere": 2,
+        f"search bank {world} --metric bad": 2,
+        f"search bank {world} --combine best": 2,
+        f"search bank {world} --test nothing": 2,
+        "data check nothing -r .": 2,
+        "bank build nobody": 2,
+        f"finetune {network} nothing -r . -o new.safetensors": 2,
+        f"search bank {world} --also eth3d": 2,
+        f"search bank {world} --protocol kitti": 2,
+        f"factory run {tmp_path / 'factory.toml'}": 2,
+        f"factory status {tmp_path / 'factory.toml'}": 2,
+        f"show {tmp_path / 'text.pth'}": 2,
     }
     if not shutil.which("nvidia-smi"):  # where one is, torch alone knows what there is
         lines |= {
@@ -166,17 +187,10 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         f"init {tmp_path / 'pool'} --force": 0,
         "search bank --subset haze -b eth3d": 2,
         "show bank-sharp": 0,
+        "runs diff here here": 2,
+        f"runs list {tmp_path}": 0,
     }
     with_cv2 = {
-        f"runs list {tmp_path}": 0,
-        "runs diff here here": 2,
-        "search bank -b eth3d": 2,
-        "compare a.pth b.pth -b kitty -r here": 2,
-        "baselines bank -b eth3d -r nowhere": 2,
-        "search bank -b bank:nowhere": 2,
-        f"search bank {world} --metric bad": 2,
-        f"search bank {world} --combine best": 2,
-        f"search bank {world} --test nothing": 2,
         f"search bank {world} --test bank:courtyard": 2,
         f"compare {network} {tmp_path / 'pool' / 'a.safetensors'} {world}": 2,
         f"predict {network} --left l.png --right r.png": 2,
@@ -185,9 +199,6 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         f"predict {network} --architecture nobody {views}": 2,
         f"predict {network} --option nobody=1 {views}": 2,
         f"compare {network} {tmp_path / 'torch' / 'a.tar'} {world}": 2,
-        "data check nothing -r .": 2,
-        "bank build nobody": 2,
-        f"finetune {network} nothing -r . -o new.safetensors": 2,
         f"finetune {network} pairs -r . -o new.safetensors --crop wide": 2,
     }
     # One process for all: what one line imports would show in all that follow.

@@ -7,9 +7,10 @@ import pytest
 
 from sfkit import files
 from sfkit.datasets.formats import Coding
-from sfkit.datasets.manifests import load_manifest, manifest_folder, manifest_names, read_manifest
+from sfkit.datasets.manifests import load_manifest, read_manifest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.protocols import RULES, rules_for
+from sfkit.datasets.shipped import manifest_folder, manifest_names
 from sfkit.errors import InputError
 
 VALID = """
@@ -68,7 +69,7 @@ def test_manifests_of_a_wheel_lie_inside_the_package(tmp_path: Path, monkeypatch
 
 def test_unknown_data_set() -> None:
     with pytest.raises(
-        InputError, match=r"unknown data set 'kitti2016', expected one of.*pairs; did you mean 'kitti201"
+        InputError, match=r"unknown data set 'kitti2016', expected one of.*unlabelled; did you mean 'kitti201"
     ):
         load_manifest("kitti2016")
 

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 import sfkit
 from sfkit.datasets.check_source import check_training_set
+from sfkit.datasets.shipped import source_manifest_names
 from sfkit.datasets.source_codings import read_source_disparity
-from sfkit.datasets.source_manifests import load_source_manifest, source_manifest_names
+from sfkit.datasets.source_manifests import load_source_manifest
 from sfkit.datasets.training_sets import find_source_pairs, open_training_set
 
 NAMES = (

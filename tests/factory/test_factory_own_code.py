@@ -14,7 +14,7 @@ from sfkit.architectures.registry import _REGISTRY
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.errors import InputError
 from sfkit.factory import read_factory
-from sfkit.factory.run import pool_toml
+from sfkit.factory.running import pool_toml
 
 WAYS = {
     "module": ('"my-net"\nmodule = "nets/net.py"', "nets/net.py", NETWORK + REGISTER),

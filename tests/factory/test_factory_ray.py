@@ -10,7 +10,7 @@ from factory_files import write
 
 import sfkit
 from sfkit.factory import read_factory, status, train_missing
-from sfkit.factory.status import DONE, MISSING
+from sfkit.factory.standing import DONE, MISSING
 
 pytestmark = [pytest.mark.slow, *LEAVES_TO_THE_COLLECTOR]
 

@@ -29,8 +29,8 @@ from sfkit.factory import (
     train_missing,
     write_example,
 )
-from sfkit.factory.run import warn_of_seen_pairs
-from sfkit.factory.status import DONE, MISSING, RUNNING, STALE
+from sfkit.factory.running import warn_of_seen_pairs
+from sfkit.factory.standing import DONE, MISSING, RUNNING, STALE
 from sfkit.files import default_folder
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook

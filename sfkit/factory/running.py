@@ -21,7 +21,7 @@ from sfkit.evaluation import Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.combining import combined
 from sfkit.factory.file import JOINT, MERGED, SEARCHED, Factory
 from sfkit.factory.outputs import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
-from sfkit.factory.status import Item, files_of, status
+from sfkit.factory.standing import Item, files_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
