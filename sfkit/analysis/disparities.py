@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sfkit.analysis.pair_maps import ERROR_MAP, RESIDUAL_MAP, Comparand, Map, MapKind
+from sfkit.colours import REACH, is_sparse
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
@@ -77,6 +78,12 @@ class DisparityPanels:
     def kind(self) -> MapKind:
         """What the networks' ``error`` maps hold."""
         return ERROR_MAP if self.right is None else RESIDUAL_MAP
+
+    @property
+    def hatched(self) -> str:
+        """What hatched pixels of an error map lack, and whether values are painted wider than they are."""
+        sparse = self.right is None and is_sparse(np.isfinite(self.truth))
+        return f"{self.kind.missing}{f'; sparse values reach {REACH} px' if sparse else ''}"
 
 
 Network = Recipe | LoadedNetwork

@@ -50,15 +50,15 @@ def compare(
       sfkit compare uniform.safetensors runs/garage/merged.safetensors -b eth3d -r ~/ETH3D
       sfkit compare a.tar b.tar --architecture anynet -b pairs -r ~/pairs --metric d1,epe --maps maps
     """
-    chosen, metrics = data.open_by_several()
     a, b = _called(first, second)
     places = Places(csv=data.csv)
     places.reads("A", first)
     places.reads("B", second)
-    if maps is not None:
-        _claim(places, maps, chosen, force=force)
     for file in (first, second):
         options = ensure_loadable(file, architecture, option)
+    chosen, metrics = data.open_by_several()
+    if maps is not None:
+        _claim(places, maps, chosen, force=force)
     from sfkit.analysis.networks import measure_networks
     from sfkit.analysis.paired import corrected, paired_difference
     from sfkit.evaluation.stereo_model import load

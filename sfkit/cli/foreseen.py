@@ -16,9 +16,9 @@ from sfkit.datasets.shipped import ensure_data_set
 from sfkit.errors import InputError, ensure_known
 from sfkit.files import home
 from sfkit.merging.blocks import parse_partition
-from sfkit.merging.known import ensure_options, nobody_registered
+from sfkit.merging.known import ensure_options, nobody_registered, undescribed
 from sfkit.merging.named import named_pool
-from sfkit.merging.origin import read_origin, stated_texts, undescribed
+from sfkit.merging.origin import read_origin, stated_texts
 from sfkit.merging.roster import Roster
 
 
@@ -44,7 +44,7 @@ def roster_of(path: str, blocks: str | None = None, dtype: str | None = None) ->
 
 def ensure_benchmark(
     name: str,
-    root: str | Path | None,
+    root: str | Path | None = None,
     *,
     protocol: str | None = None,
     metric: str | None = None,

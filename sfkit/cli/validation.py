@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from sfkit.evaluation import CombinedScorer, Compute, Evaluator
     from sfkit.merging import Pool
 
+FORESEEN = ("root", "protocol", "metric")
+
 
 def guides_of(
     data: BenchmarkChoice, guidance: Guidance, tests: Sequence[str] | None = None
@@ -36,8 +38,9 @@ def guides_of(
     for option, texts in (("--also", guidance.also), ("--test", tests)):
         for text in texts or ():
             values = _arguments(option, text)
-            foreseen = {key: values.get(key) for key in ("root", "protocol", "metric")}
-            ensure_benchmark(values["name"], **foreseen, place=f"{option}: root")
+            # What else is said is refused, or not, where the benchmark is opened.
+            if set(values) <= {"name", *FORESEEN}:
+                ensure_benchmark(**values, place=f"{option}: root")
     first = data.open()
     return _distinct([first, *(_named("--also", text, first.metric) for text in guidance.also or ())])
 

@@ -65,7 +65,7 @@ def advantage_figure(
         f"pair {escape(pair.pair)}?",
         subtitle=f"blue: better; beyond {pair.threshold:g} {kind.unit} the {kind.name} of "
         f"{found.fixed:.1f} % of the pixels was fixed, of {found.broken:.1f} % broken; "
-        f"protocol {pair.protocol}; grey hatch: {kind.missing}",
+        f"protocol {pair.protocol}; grey hatch: {pair.hatched}",
         # Two panels share what margins and key leave of the width, at the pair's ratio.
         height=round((width - 150) / 2 * size[0] / size[1] + 150),
         width=width,

@@ -69,7 +69,7 @@ def disparity_figure(
         figure,
         theme=theme,
         title=f"Where is each network wrong on {escape(panels.benchmark)}, pair {escape(panels.pair)}?",
-        subtitle=f"pixels counted by protocol {panels.protocol}; grey hatch: {panels.kind.missing}; "
+        subtitle=f"pixels counted by protocol {panels.protocol}; grey hatch: {panels.hatched}; "
         "beyond a bar's ends its end colour",
         height=height,
         width=width,

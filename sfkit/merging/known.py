@@ -24,7 +24,7 @@ from sfkit.checkpoints.kinship import Kinship, KinshipSums
 from sfkit.checkpoints.layouts import Wrapping
 from sfkit.checkpoints.spec import PoolSpec
 from sfkit.checkpoints.stored import StoredFile, stored_file
-from sfkit.errors import unknown_name
+from sfkit.errors import InputError, unknown_name
 from sfkit.merging.blocks import BlockPartition
 
 if TYPE_CHECKING:
@@ -103,6 +103,13 @@ def known_file(path: Path) -> tuple[StoredFile, str] | None:
     stored = stored_file(path) if nobody_registered() else None
     name = architecture_of(stored.places) if stored else None
     return (stored, name) if stored and name else None
+
+
+def undescribed(path: Path) -> InputError:
+    """The error for a network that does not say what it is, where nobody else does; its keys may tell."""
+    found = known_file(path)
+    name = found[1] if found else "NAME"
+    return InputError(f"{path}: does not say its architecture, name it (--architecture {name})")
 
 
 def architecture_of(tensors: Mapping[str, TensorPlace]) -> str | None:

@@ -13,8 +13,9 @@ from torch import nn
 from sfkit.architectures import Architecture, InputConvention, architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
+from sfkit.merging.known import undescribed
 from sfkit.merging.members import PoolOpener
-from sfkit.merging.origin import read_origin, undescribed
+from sfkit.merging.origin import read_origin
 from sfkit.merging.recognition import whose_keys
 from sfkit.merging.tensor_specs import tensor_specs
 

@@ -139,11 +139,6 @@ def _mapping(path: Path, what: str, value: object, *keys: str) -> Mapping[str, A
     return value
 
 
-def undescribed(path: Path) -> InputError:
-    """The error for a network that does not say what it is, where nobody else does."""
-    return InputError(f"{path}: does not say its architecture, name it (--architecture anynet)")
-
-
 def read_recipe(path: str | Path) -> Recipe:
     """A recipe from its JSON file, or from a merged network's metadata.
 

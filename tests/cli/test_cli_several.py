@@ -119,7 +119,7 @@ def test_compare_refuses_before_any_work(shell: Shell) -> None:
         (f"compare a.safetensors a.safetensors {PAIRS}", "expected two networks"),
         (f"compare a.safetensors none.safetensors {PAIRS}", "none.safetensors: no such file"),
         (f"compare a.safetensors pool/a.safetensors {PAIRS}", "does not say its architecture"),
-        ("compare a.safetensors b.safetensors -b pairs", "--root is missing"),
+        ("compare a.safetensors pool/a.safetensors --architecture anynet -b pairs", "--root is missing"),
     ):
         _, said = shell(line, code=2)
         assert words in said

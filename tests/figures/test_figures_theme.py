@@ -123,6 +123,23 @@ def test_painting_ends_clips_and_hatches() -> None:
     assert len(set(nothing)) == 1
 
 
+def test_sparse_values_are_painted_three_pixels_wide() -> None:
+    drawn = np.random.default_rng(0).random((24, 40))
+    values = np.where(drawn < 0.06, drawn / 0.06, np.nan)
+    painted, alone = paint(values, (0.0, 1.0), DISPARITY), lookup(DISPARITY)
+    known = np.argwhere(np.isfinite(values))
+    for row, column in np.ndindex(values.shape):
+        squares = ((known - (row, column)) ** 2).sum(axis=1)
+        if squares.min() > 9:
+            np.testing.assert_array_equal(painted[row, column], hatch(24, 40)[row, column])
+            continue
+        nearest = [values[tuple(at)] for at in known[squares == squares.min()]]
+        colours = [tuple(alone[int(255 * value + 0.5)]) for value in nearest]
+        assert tuple(painted[row, column]) in colours
+    half = np.where(np.arange(8) % 2, 1.0, np.nan)[None]
+    np.testing.assert_array_equal(paint(half, (0.0, 1.0), DISPARITY)[:, ::2], hatch(1, 8)[:, ::2])
+
+
 @pytest.mark.parametrize("stops", [DISPARITY, ERROR])
 def test_no_value_is_drawn_in_a_grey_that_the_map_does_not_have(stops: Stops) -> None:
     greys = {tuple(int(v) for v in pixel) for pixel in hatch(16, 16).reshape(-1, 3)}

@@ -31,7 +31,7 @@ def compare_sheet(panels: DisparityPanels, shown: str, first: str) -> Sheet:
     (low, high), kind = panels.limits, panels.kind
     words = (
         f"disparity {low:g} to {high:g} px, dark to light; {kind.name}: blue below {panels.threshold:g} "
-        f"{kind.unit}, orange beyond; hatched: {kind.missing}"
+        f"{kind.unit}, orange beyond; hatched: {panels.hatched}"
     )
     sheet.text(MARGIN, sheet.y + 12, words, size=12, colour=MUTED, room=INNER)
     sheet.y += 20

@@ -1,5 +1,7 @@
 // What each panel shows: its title, a note under it, and one picture, or two to swipe.
 
+import { REACH } from "./compare_paint.js";
+
 /** @typedef {import("./compare_panel.js").Content} Content */
 
 /**
@@ -27,7 +29,8 @@ export function truthContent({ pictures, limits }) {
   if (!pictures.labelled) {
     return { title: "right image", note: "no ground truth", pictures: [pictures.photographs.right] };
   }
-  const note = `${pictures.scene.protocol}; hatched: no value`;
+  const wider = pictures.sparse ? `; sparse values reach ${REACH} px` : "";
+  const note = `${pictures.scene.protocol}; hatched: no value${wider}`;
   return { title: "ground truth", note, pictures: [pictures.groundTruth(limits)] };
 }
 

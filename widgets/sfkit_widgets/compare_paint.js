@@ -13,6 +13,9 @@ const NO_VALUE = 0;
 const NOT_FINITE = 65535;
 const CODES = 65536;
 const HATCH_SIDE = 8;
+const SPARSE = 0.5;
+export const REACH = 3;
+const NEIGHBOURS = neighbours();
 const NO_RESIDUAL = 255;
 const RESIDUAL_NOT_FINITE = 254;
 const RESIDUAL_STEPS = 2.5; // of a percent
@@ -202,6 +205,48 @@ export function paintBetterMatch(out, residuals, reference, span, table) {
  */
 export function differenceOf(own, other) {
   return own === Infinity && other === Infinity ? 0 : own - other;
+}
+
+/**
+ * Give pixels near a value the colour of the nearest where fewer than half of the picture's have one, as where a
+ * laser scanner measured: a dot a pixel wide between stripes cannot be seen. As sfkit.colours does.
+ * @param {Uint32Array} out 0 where there is no value
+ * @param {number} width
+ */
+export function paintWider(out, width) {
+  if (!isSparse(out)) return;
+  const own = out.slice();
+  const height = out.length / width;
+  for (let y = 0; y < height; y += 1) {
+    for (let x = 0; x < width; x += 1) {
+      if (own[y * width + x] !== 0) continue;
+      const near = NEIGHBOURS.find(
+        ([dy, dx]) =>
+          x + dx >= 0 && x + dx < width && y + dy >= 0 && y + dy < height && own[(y + dy) * width + x + dx] !== 0,
+      );
+      if (near) out[y * width + x] = own[(y + near[0]) * width + x + near[1]];
+    }
+  }
+}
+
+/**
+ * Whether so few pixels have a value that each is painted wider.
+ * @param {Uint32Array | Uint16Array} values 0 where there is none
+ */
+export function isSparse(values) {
+  let known = 0;
+  for (const value of values) known += Number(value !== 0);
+  return known > 0 && known < SPARSE * values.length;
+}
+
+/** @returns {number[][]} rows and columns of the neighbours within reach, the nearest first */
+function neighbours() {
+  const side = Array.from({ length: 2 * REACH + 1 }, (_, n) => n - REACH);
+  return side
+    .flatMap((dy) => side.map((dx) => [dy * dy + dx * dx, dy, dx]))
+    .filter(([square]) => square > 0 && square <= REACH * REACH)
+    .sort((one, other) => one[0] - other[0] || one[1] - other[1] || one[2] - other[2])
+    .map(([, dy, dx]) => [dy, dx]);
 }
 
 /**

@@ -9,11 +9,13 @@ import {
   disparityOf,
   errorColours,
   errorOf,
+  isSparse,
   paintBetter,
   paintBetterMatch,
   paintDisparity,
   paintError,
   paintHatch,
+  paintWider,
   residualColours,
   residualOf,
 } from "./compare_paint.js";
@@ -40,6 +42,8 @@ export class Pictures {
     this.palettes = palettes;
     this.labelled = scene.kind === "error";
     this.truth = scene.truth ? codesOf(scene.truth) : new Uint16Array(0);
+    /** Whether so few pixels have ground truth that each is painted wider. */
+    this.sparse = isSparse(this.truth);
     this.maps = scene.networks.map((network) => codesOf(network.map));
     this.residuals = scene.networks.map(({ residual }) =>
       residual ? new Uint8Array(residual.buffer, residual.byteOffset, residual.byteLength) : new Uint8Array(0),
@@ -171,6 +175,7 @@ export class Pictures {
     const data = context.createImageData(width, height);
     const out = new Uint32Array(data.data.buffer);
     paint(out);
+    paintWider(out, width);
     paintHatch(out, width, this.tables.hatch);
     context.putImageData(data, 0, 0);
     held.look = look;

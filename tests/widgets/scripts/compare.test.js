@@ -17,6 +17,7 @@ import {
   errorPosition,
   paintBetter,
   paintBetterMatch,
+  paintWider,
   pixelText,
   residualColours,
   residualOf,
@@ -45,6 +46,23 @@ test("no truth, no finite prediction and the lowest value are three things", () 
   assert.ok(Number.isNaN(errorOf(7, 0, 0.5)));
   assert.equal(errorOf(65535, 7, 0.5), Infinity);
   assert.equal(errorOf(3, 7, 0.5), 2);
+});
+
+test("sparse values reach three pixels, and what lies between two is the nearest's", () => {
+  const row = new Uint32Array(20);
+  row[2] = 7;
+  row[7] = 9;
+  paintWider(row, 20);
+  assert.deepEqual([...row], [7, 7, 7, 7, 7, 9, 9, 9, 9, 9, 9, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+  const dense = Uint32Array.from([1, 0, 2]);
+  paintWider(dense, 3);
+  assert.deepEqual([...dense], [1, 0, 2]);
+  const [first, ...others] = Array.from({ length: 10 }, (_, n) => n);
+  const square = new Uint32Array(100);
+  square[55] = 1;
+  paintWider(square, 10);
+  const painted = (/** @type {number} */ y, /** @type {number} */ x) => (y - 5) ** 2 + (x - 5) ** 2 <= 9;
+  for (const y of [first, ...others]) for (const x of others) assert.equal(square[y * 10 + x] === 1, painted(y, x));
 });
 
 test("values beyond the ends are marked where there are any", () => {
