@@ -146,8 +146,9 @@ def image_table(
 def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
     """The table people read: a row a network, a column a benchmark, protocol and metric, as first met.
 
-    Validation columns bear a ``*``. With ``mean`` each metric gets the mean over the benchmarks that
-    guided no search; a network without a score on one of them has none.
+    Validation columns bear a ``*``. With ``mean`` each metric that was measured on several benchmarks gets
+    their mean; where some guided a search, the mean over all of them, as the paper has it, and last the mean
+    over those that guided none. A network without a score on one of them has none.
 
     Raises:
         InputError: two benchmarks, or two networks, have one name.
@@ -163,13 +164,20 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
         # By network, not by position: a benchmark may have been scored for some of them only.
         table[title] = part.set_index("network")["score"]
     if mean:
-        reported = scores[scores["role"] == "reported"]
-        for (metric, unit), part in reported.groupby(["metric", "unit"], sort=False):
-            if part["benchmark"].nunique() > 1:
-                # Not skipping NaN: a network that failed somewhere has no mean to be praised for.
-                by_network = part.groupby("network")["score"]
-                table[f"mean {metric} [{unit}]"] = by_network.agg(lambda column: column.mean(skipna=False))
+        guided = bool((scores["role"] == "validation").any())
+        for (metric, unit), part in scores.groupby(["metric", "unit"], sort=False):
+            reported = part[part["role"] == "reported"]
+            if reported["benchmark"].nunique() < 2:
+                continue
+            if len(reported) < len(part):
+                table[f"mean of all {metric} [{unit}]"] = _means(part)
+            table[f"mean {'of unseen ' if guided else ''}{metric} [{unit}]"] = _means(reported)
     return table
+
+
+def _means(rows: pd.DataFrame) -> pd.Series:
+    # Not skipping NaN: a network that failed somewhere has no mean to be praised for.
+    return rows.groupby("network")["score"].agg(lambda column: column.mean(skipna=False))
 
 
 def _check_names(names: Sequence[tuple[str, str]]) -> None:

@@ -46,7 +46,7 @@ def test_the_guide_is_shown_by_census_and_the_tests_by_their_labels(experiment: 
     assert shown == {"drive": "census", "here": "epe", "there": "epe"}
     by_hand = scores.query("benchmark == 'here'").set_index("network")["score"]
     assert by_hand.to_dict() == pytest.approx({"low": 2.0, "high": 2.0})
-    assert list(sfkit.pivot(scores).columns)[-1] == "mean epe [px]"
+    assert list(sfkit.pivot(scores).columns)[-1] == "mean of unseen epe [px]"
     figures.scores_figure(analysis.score_grid(scores))
 
 
