@@ -139,6 +139,14 @@ class Scenes:
         """Stage 2 over its iterations."""
         return RoutingView(self.how)
 
+    def routing_view_model(self) -> SfkitWidget:
+        """Stage 2 by a model."""
+        pool = self.scorer.pool
+        settings = sfkit.BayesianRoutingSettings(evaluations=40)
+        search = sfkit.BayesianRoutingSearch(pool.names[:6], pool.blocks, self.scorer, settings)
+        search.run()
+        return RoutingView(search)
+
     def disparity_compare(self) -> SfkitWidget:
         """Base, equal weights, and what Stage 2 found."""
         pool = self.scorer.pool
@@ -158,6 +166,7 @@ NAMES = (
     "routing_view",
     "disparity_compare",
     "population_view_model",
+    "routing_view_model",
     "run_table",
     "run_table_routing",
 )

@@ -19,6 +19,7 @@ from sfkit.evaluation.engines import Worker
 from sfkit.evaluation.metrics import Quantities
 from sfkit.evaluation.prediction import predict
 from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.evaluation.stereo_model import StereoModel
 from sfkit.merging.live import LiveModel
 from sfkit.merging.network import LoadedNetwork
 from sfkit.merging.pool import Pool
@@ -86,8 +87,8 @@ class DisparityPanels:
         return f"{self.kind.missing}{f'; sparse values reach {REACH} px' if sparse else ''}"
 
 
-Network = Recipe | LoadedNetwork
-"""What can be compared: a recipe of the pool, or a network of its own (:func:`sfkit.load_network`)."""
+Network = Recipe | LoadedNetwork | StereoModel
+"""What can be compared: a recipe of the pool, or a network of its own (:func:`sfkit.load`)."""
 
 
 class Comparison:
@@ -153,8 +154,10 @@ class Comparison:
         return panels_of(prepared, found, self.metrics)
 
     def _disparity(self, network: Network, prepared: PreparedBenchmark) -> Map:
+        sample = prepared.samples[0]
+        if isinstance(network, StereoModel):
+            return network(sample.left, sample.right)
         if isinstance(network, LoadedNetwork):
-            sample = prepared.samples[0]
             return predict(network, sample.left, sample.right)
         self._model.apply(network)
         return Worker(self._model, prepared).predict(0)

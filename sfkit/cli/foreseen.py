@@ -11,7 +11,7 @@ from sfkit.checkpoints.headers import ensure_checkpoint
 from sfkit.checkpoints.spec import read_pool_spec
 from sfkit.checkpoints.targets import DTYPE_NAMES
 from sfkit.cli.options import NAMED, RENDERED, naming, network_options
-from sfkit.datasets.roots import open_root
+from sfkit.datasets.root_folder import open_root
 from sfkit.datasets.shipped import ensure_data_set
 from sfkit.errors import InputError, ensure_known
 from sfkit.files import home

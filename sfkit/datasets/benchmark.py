@@ -18,7 +18,7 @@ from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import MemoryPair, Pair, Sample
 from sfkit.datasets.protocols import DEFAULT_PROTOCOL, PAIRS_PROTOCOL, default_metric, rule
-from sfkit.datasets.roots import open_root
+from sfkit.datasets.root_folder import open_root
 from sfkit.datasets.shipped import PAIRS, UNLABELLED
 from sfkit.datasets.tables import absent_files, find_in_table
 from sfkit.datasets.unlabelled import find_unlabelled

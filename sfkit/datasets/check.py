@@ -15,7 +15,7 @@ from sfkit.datasets.listing import PairListing, find_pairs, nothing_found
 from sfkit.datasets.manifests import load_manifest
 from sfkit.datasets.pairs import MemoryPair, Pair, StereoPair, is_labelled
 from sfkit.datasets.protocols import protocols_without_mask, rules_for
-from sfkit.datasets.roots import open_root
+from sfkit.datasets.root_folder import open_root
 from sfkit.datasets.shipped import PAIRS, UNLABELLED
 from sfkit.datasets.unlabelled import find_unlabelled
 from sfkit.errors import InputError

@@ -10,7 +10,7 @@ import numpy as np
 from sfkit.datasets import check_sample
 from sfkit.datasets.check import DataReport
 from sfkit.datasets.photometric import check_ground_truth
-from sfkit.datasets.roots import open_root
+from sfkit.datasets.root_folder import open_root
 from sfkit.datasets.source_manifests import load_source_manifest
 from sfkit.datasets.training_sets import SourcePair, find_source_pairs, nothing_to_train_on
 from sfkit.errors import InputError

@@ -11,7 +11,7 @@ from typing import Any
 
 from sfkit.datasets.manifests import ID, RESOLUTION, Manifest, PairLayout
 from sfkit.datasets.pairs import StereoPair
-from sfkit.datasets.roots import inside
+from sfkit.datasets.root_folder import inside
 from sfkit.errors import SfkitWarning
 
 NEEDED = ("left", "right", "disparity")

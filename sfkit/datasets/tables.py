@@ -15,7 +15,7 @@ from sfkit.datasets.listing import NEEDED, PairListing
 from sfkit.datasets.matching import ensure_two
 from sfkit.datasets.pairs import StereoPair
 from sfkit.datasets.pfm import read_bytes
-from sfkit.datasets.roots import inside
+from sfkit.datasets.root_folder import inside
 from sfkit.errors import InputError, nearest
 from sfkit.files import is_file
 

@@ -15,7 +15,7 @@ from sfkit.datasets.digests import file_digest
 from sfkit.datasets.folders import nothing_recognised
 from sfkit.datasets.images import read_grey, read_image
 from sfkit.datasets.pairs import Pair, Sample
-from sfkit.datasets.roots import inside, open_root
+from sfkit.datasets.root_folder import inside, open_root
 from sfkit.datasets.shipped import PAIRS, ensure_training_set, source_manifest_names
 from sfkit.datasets.source_cameras import constant_of
 from sfkit.datasets.source_codings import read_source_disparity

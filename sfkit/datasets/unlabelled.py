@@ -21,7 +21,7 @@ from sfkit.datasets.folders import CONVENTIONS, IMAGES
 from sfkit.datasets.listing import PairListing
 from sfkit.datasets.matching import ensure_two, match_by_number
 from sfkit.datasets.pairs import StereoPair
-from sfkit.datasets.roots import inside, open_root
+from sfkit.datasets.root_folder import inside, open_root
 from sfkit.errors import InputError
 from sfkit.files import home, is_file, trouble
 from sfkit.settings import require_whole

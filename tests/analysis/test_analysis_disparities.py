@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tiny import write_pairs, write_pool
 
+import sfkit
 from sfkit.analysis.disparities import Comparison, disparity_panels
 from sfkit.analysis.pair_maps import disparity_limits, error_map
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark, open_benchmark
@@ -87,15 +88,17 @@ def test_a_comparison_runs_each_pair_once_and_takes_loaded_networks(
 ) -> None:
     pool, benchmark = world
     save_merged(pool, pool.uniform(), tmp_path / "uniform.safetensors")
-    networks = {"recipe": pool.uniform(), "file": load_network(tmp_path / "uniform.safetensors")}
+    file = tmp_path / "uniform.safetensors"
+    networks = {"recipe": pool.uniform(), "file": load_network(file), "model": sfkit.load(file)}
     comparison = Comparison(pool, networks, benchmark)
     assert comparison.pairs == ("pair0", "pair1")
     first = comparison.panels()
     assert comparison.panels("pair1").pair == "pair1"
     assert comparison.panels("pair0") is first
-    recipe, file = first.networks
-    np.testing.assert_array_equal(recipe.disparity, file.disparity)
-    assert recipe.scores == file.scores
+    recipe, *files = first.networks
+    for same in files:
+        np.testing.assert_array_equal(recipe.disparity, same.disparity)
+        assert recipe.scores == same.scores
 
 
 def test_a_recipe_of_another_pool_is_refused_before_anything_runs(world: tuple[Pool, Benchmark]) -> None:

@@ -32,7 +32,7 @@ class DisparityCompare(SfkitWidget):
 
     Args:
         pool: the recipes' pool.
-        networks: name -> recipe, or network loaded by :func:`sfkit.load_network`; at least one.
+        networks: name -> recipe, or network opened by :func:`sfkit.load`; at least one.
         benchmark: gives pairs, protocol and metric.
         pair: which pair to show first; the first one unless given.
         metrics: scores to show, such as ``"bad-1.0"``; the benchmark's own unless given.
