@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 
@@ -31,6 +31,9 @@ def smallest_bound(
 ) -> Chromosome:
     """The subset of the smallest bound among those not met; the earlier one of a tie.
 
+    Where the genetic algorithm meets nothing new, as it may when nearly all is met, the first ``LISTED`` of
+    what is left are looked through.
+
     Args:
         bound: what is minimised.
         space: what may be proposed; at least one subset of it is not met.
@@ -45,6 +48,11 @@ def smallest_bound(
         options = _bred(bound, space, count, best, rng)
         weights = equal_weights(options, count)
     fresh = [n for n, chromosome in enumerate(options) if chromosome not in met]
+    if not fresh:
+        # Reads past what is met and no further: a space of 2^30 is never listed.
+        options = tuple(islice(unmet(space, met), LISTED))
+        weights = equal_weights(options, count)
+        fresh = list(range(len(options)))
     return options[fresh[int(np.argmin(bound(weights[fresh])))]]
 
 
@@ -56,15 +64,20 @@ def equal_weights(chromosomes: Sequence[Chromosome], count: int) -> Array:
     return weights
 
 
+def unmet(space: SubsetSpace, met: Collection[Chromosome]) -> Iterator[Chromosome]:
+    """Every subset of a space that is not among these, genes ascending, small ones first."""
+    required = tuple(sorted(space.required))
+    for size in range(space.smallest, space.largest + 1):
+        for chosen in combinations(space.optional, size - len(required)):
+            chromosome = tuple(sorted((*required, *chosen)))
+            if chromosome not in met:
+                yield chromosome
+
+
 @lru_cache(maxsize=8)
 def listed(space: SubsetSpace) -> tuple[Chromosome, ...]:
     """Every subset of a space, genes ascending, small ones first."""
-    required = tuple(sorted(space.required))
-    return tuple(
-        tuple(sorted((*required, *chosen)))
-        for size in range(space.smallest, space.largest + 1)
-        for chosen in combinations(space.optional, size - len(required))
-    )
+    return tuple(unmet(space, ()))
 
 
 @lru_cache(maxsize=8)

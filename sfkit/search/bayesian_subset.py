@@ -19,7 +19,7 @@ import numpy as np
 from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
-from sfkit.search.acquisition import equal_weights, listed, smallest_bound
+from sfkit.search.acquisition import equal_weights, smallest_bound, unmet
 from sfkit.search.breeding import Draft, SubsetSettings
 from sfkit.search.checks import LARGEST_POPULATION, require_known
 from sfkit.search.constraints import Constraints, subset_of
@@ -270,12 +270,12 @@ class BayesianSubsetSearch(SubsetSearch):
 
     def _unmet(self, met: Collection[Chromosome], rng: np.random.Generator) -> Chromosome:
         """A random subset nobody has scored; there is one."""
-        # Drawing is quick while much is left; near the end few draws are new, and the list is read instead.
+        # Drawing is quick while much is left; near the end few draws are new, and the rest is read instead.
         for _ in range(_TRIES):
             drawn = tuple(sorted(random_chromosome(self.space, rng)))
             if drawn not in met:
                 return drawn
-        return next(chromosome for chromosome in listed(self.space) if chromosome not in met)
+        return next(unmet(self.space, met))
 
     def _genes(self, candidate: SubsetCandidate) -> Chromosome:
         return tuple(sorted(self.sources.index(name) for name in candidate.chromosome))

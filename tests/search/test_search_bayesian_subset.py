@@ -159,3 +159,64 @@ def test_large_spaces_are_looked_through_by_genetic_operators() -> None:
     better = np.sum(values < bound(equal_weights([found], 14))[0])
     assert space.subsets > 4096
     assert better <= 0.001 * space.subsets
+
+
+def test_what_is_left_of_a_large_space_is_found_where_the_operators_meet_nothing_new() -> None:
+    space = SubsetSpace.free(13)
+    every = listed(space)
+    left = set(every[5::409])
+    met = set(every) - left
+    target = np.random.default_rng(1).random(13) / 6.0
+
+    def bound(weights: np.ndarray) -> np.ndarray:
+        return np.asarray(np.sum((weights - target) ** 2, axis=1))
+
+    assert space.subsets == 8178
+    assert len(left) == 20
+    ordered = sorted(left)
+    lowest = ordered[int(np.argmin(bound(equal_weights(ordered, 13))))]
+    found = [smallest_bound(bound, space, 13, met, [], np.random.default_rng(seed)) for seed in range(20)]
+    assert set(found) <= left
+    assert lowest in found, "where the operators meet none, all that are left are looked through"
+
+
+def test_a_large_space_is_searched_to_its_end() -> None:
+    pool, limits = names(13), Constraints(largest=7)
+    space = SubsetSpace(tuple(range(13)), frozenset(), 7)
+    every = [tuple(pool[gene] for gene in genes) for genes in listed(space)]
+    left = {every[7], every[3001], every[-40], every[-1]}
+
+    def score(sources: Sequence[str]) -> float:
+        return abs(sum(pool.index(name) - 4.5 for name in sources))
+
+    known = [Known(Recipe.equal(subset, ("all",)), score(subset)) for subset in every if subset not in left]
+    settings = BayesianSubsetSettings(population=6, generations=len(left) + 5, singles=False)
+    scorer = Scorer(lambda recipe: score(recipe.sources))
+    search = BayesianSubsetSearch(pool, ("all",), scorer, settings, constraints=limits, known=known)
+    search.run()
+    assert search.reason == "all 5798 subsets are scored"
+    asked = [frozenset(recipe.sources) for recipe in scorer.asked]
+    assert len(asked) == len(every)
+    assert set(asked) == set(map(frozenset, every))
+    assert set(asked[-len(left) :]) == set(map(frozenset, left))
+
+
+def test_a_space_that_cannot_be_listed_is_searched() -> None:
+    limits = Constraints(include=(names(30)[3],), exclude=(names(30)[7],), largest=12)
+    settings = BayesianSubsetSettings(population=6, generations=4, batch=2, seed=5)
+
+    def tried() -> tuple[Scorer, BayesianSubsetSearch]:
+        scorer = Scorer(lambda recipe: sum(int(name in recipe.sources) for name in names(30)[:5]) - 2.5)
+        return scorer, searched(scorer, 30, settings)
+
+    (scorer, search), (_, again) = tried(), tried()
+    assert search.space.subsets == 2**30 - 31
+    assert again.state == search.state
+    proposed = [c for c in search.candidates if c.generation]
+    assert {c.operators for c in proposed} == {("model",)}
+    assert len(proposed) == 8
+    assert len(set(scorer.asked)) == len(scorer.asked) == 30 + 6 + 8
+    assert all(2 <= len(set(c.subset)) == len(c.subset) and set(c.subset) <= set(names(30)) for c in proposed)
+    bound_by = searched(scorer_of(30, 2), 30, settings, constraints=limits)
+    within = [c.subset for c in bound_by.candidates if c.generation]
+    assert all(names(30)[3] in s and names(30)[7] not in s and len(s) <= 12 for s in within)
