@@ -13,6 +13,7 @@ import pandas as pd
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome
+from sfkit.evaluation.store import BASELINE, evaluation_key
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -53,13 +54,23 @@ class Trials:
     ) -> list[float]:
         """Scores on validation, lower is better; ``inf`` where a candidate failed.
 
+        What the store did not hold is marked there as a baseline's, for searches that learn from it.
+
         Args:
             recipes: what to score.
             tried: what of each recipe goes into the history, such as ``{"lambda": 0.3}``.
             pool: the recipes' pool, where their task vectors were prepared.
         """
         scorer = self.validation if pool is None else self.validation.with_pool(pool)
+        fresh = [
+            (evaluator.store, key)
+            for evaluator in evaluators_of(scorer)
+            for key in (evaluation_key(evaluator.describe(recipe)) for recipe in recipes)
+            if evaluator.store.get(key) is None
+        ]
         outcomes = scorer(recipes)
+        for store, key in fresh:
+            store.mark(key, BASELINE)
         if pool is not None:
             scorer.release()  # each prepared pool has a network of its own: one in memory at a time
         scores = []

@@ -11,7 +11,7 @@ from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.evaluation.combining import CombinedScorer
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Scorer
-from sfkit.evaluation.store import HAND_EDIT, Evaluation, EvaluationStore
+from sfkit.evaluation.store import BASELINE, HAND_EDIT, Evaluation, EvaluationStore
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -25,7 +25,8 @@ class Known:
     Attributes:
         recipe: over sources of this pool and its blocks.
         score: on the search's benchmark, lower is better.
-        origin: who asked for it: ``"hand edit"``, or ``"search"`` for searches, baselines and tables alike.
+        origin: who asked for it: ``"hand edit"``; ``"baseline"`` where one asked first; ``"search"`` for
+            searches and tables alike, and for baselines of before November 30, 2026, which left no mark.
     """
 
     recipe: Recipe
@@ -101,12 +102,13 @@ def scored(evaluator: Evaluator, before: int | None = None) -> dict[str, Evaluat
 
 def _known(pool: Pool, evaluator: Evaluator, before: int) -> dict[str, Known]:
     """By the recipe's canonical form."""
-    edited = {key for key, _ in evaluator.store.marks(HAND_EDIT)}
+    # A person's edit counts, whoever scored it first.
+    asked = {key: mark for mark in (BASELINE, HAND_EDIT) for key, _ in evaluator.store.marks(mark)}
     found = {}
     for canonical, evaluation in scored(evaluator, before).items():
         recipe = _recipe(pool, json.loads(canonical))
         if recipe is not None:
-            origin = HAND_EDIT if evaluation.key in edited else "search"
+            origin = asked.get(evaluation.key, "search")
             found[canonical] = Known(recipe, evaluator.score(evaluation.images), origin)
     return found
 

@@ -24,6 +24,7 @@ from sfkit.evaluation.metrics import ImageErrors
 from sfkit.evaluation.store_file import DAMAGE, MEMORY, broken, open_store, restore, salvage
 
 HAND_EDIT = "hand edit"  # the mark of an evaluation that a person asked for
+BASELINE = "baseline"  # the mark of one that a baseline asked for first
 COLUMNS = "key, description, errors, failure, seconds, checksum"
 
 

@@ -40,6 +40,23 @@ def test_recipes_come_back_with_names_scores_and_who_asked(
     assert pool.canonical(found[1].recipe) == pool.canonical(edited)
 
 
+def test_what_a_baseline_asked_for_first_is_told_apart(
+    world: tuple[sfkit.Pool, sfkit.Benchmark, sfkit.EvaluationStore],
+) -> None:
+    pool, benchmark, store = world
+    scorer = sfkit.Evaluator(pool, benchmark, store=store, metric="epe")
+    searched, edited, single = (pool.equal(name) for name in pool.names[:3])
+    scorer([searched])
+    found = sfkit.baselines.single_best(pool, scorer)
+    assert found.evaluations == len(pool.names)
+    (outcome,) = scorer([edited])
+    mark_hand_edit(store, outcome.key, benchmark)
+    sfkit.baselines.single_best(pool, scorer)  # all from the store: nothing is marked again
+    origins = {entry.recipe: entry.origin for entry in known_evaluations(pool, scorer, {"seed": 1})}
+    assert (origins[searched], origins[edited], origins[single]) == ("search", "hand edit", "baseline")
+    assert set(origins) == {pool.equal(name) for name in pool.names}
+
+
 def test_a_search_that_began_learns_from_what_there_was_then(
     world: tuple[sfkit.Pool, sfkit.Benchmark, sfkit.EvaluationStore],
 ) -> None:
