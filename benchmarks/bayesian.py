@@ -17,8 +17,12 @@ from scale import simulate
 
 from sfkit.evaluation.known import Known
 from sfkit.search import BayesianSubsetSearch, BayesianSubsetSettings, SubsetSearch, SubsetSettings
+from sfkit.search.acquisition import equal_weights, listed
 from sfkit.search.base import Search
+from sfkit.search.breeding import Draft
+from sfkit.search.gaussian_process import Array, GaussianProcess, Points, distances, matern
 from sfkit.search.records import SubsetCandidate
+from sfkit.search.surrogate import Prediction
 
 MOST = 160
 """Evaluations that are proposed by the model, at least."""
@@ -33,10 +37,51 @@ GROWN = (
 """Ways to search a pool that has gained a source."""
 
 
-def search_of(land: Landscape, seed: int, batch: int = 1) -> BayesianSubsetSearch:
+class ThompsonSubsetSearch(BayesianSubsetSearch):
+    """The same search, but for what chooses a batch: each proposal is the best of one draw of the posterior.
+
+    Thompson sampling (Thompson 1933; in batches Kandasamy et al. 2018): the draws are joint ones, at all
+    subsets that may be proposed, so that a batch spreads as far as the model is unsure. Of draws that agree
+    the later one takes its next best. For spaces that can be listed.
+    """
+
+    def _proposed(self, rng: np.random.Generator) -> tuple[list[Draft], list[Prediction | None]]:
+        model = self._model()
+        assert model is not None, "every subset of a table has a score"
+        met = {self._genes(candidate) for candidate in self._state.candidates}
+        fresh = [chromosome for chromosome in listed(self.space) if chromosome not in met]
+        points = self._points(equal_weights(fresh, len(self.sources)))
+        count = min(self.settings.batch, len(fresh))
+        draws = drawn(model.process, tuple(points[group] for group in model.groups), count, rng)
+        chosen: list[int] = []
+        for values in draws:
+            values[chosen] = np.inf
+            chosen.append(int(np.argmin(values)))
+        return [Draft(fresh[n], (), ("model",)) for n in chosen], [None] * count
+
+
+def drawn(process: GaussianProcess, points: Points, count: int, rng: np.random.Generator) -> Array:
+    """Joint draws of the noiseless value at m points, (count, m) (Rasmussen and Williams, eq. 2.24)."""
+    across = matern(distances(points, process.points), process.lengths)
+    explained = across @ process.inverse.T
+    left = matern(distances(points, points), process.lengths) - explained @ explained.T
+    # Points near those it learned from leave next to no variance, and rounding less than none.
+    factor = np.linalg.cholesky(left + 1e-6 * np.eye(len(left)))
+    noise = rng.standard_normal((count, len(left)))
+    mean = process.mean + across @ process.weights
+    return np.asarray(mean + np.sqrt(process.variance) * noise @ factor.T)
+
+
+CHOOSERS = {"kriging believer": BayesianSubsetSearch, "Thompson": ThompsonSubsetSearch}
+"""What chooses the proposals of a batch; the first is the library's."""
+
+
+def search_of(
+    land: Landscape, seed: int, batch: int = 1, chooser: type[BayesianSubsetSearch] = BayesianSubsetSearch
+) -> BayesianSubsetSearch:
     """The search itself on the table of scores, ready for its first step."""
     settings = BayesianSubsetSettings(generations=-(-MOST // batch), batch=batch, seed=seed)
-    return BayesianSubsetSearch(land.names, BLOCK, land.scored, settings)
+    return chooser(land.names, BLOCK, land.scored, settings)
 
 
 def run(land: Landscape, seed: int) -> list[int]:
@@ -53,7 +98,12 @@ def optimal(land: Landscape, candidate: SubsetCandidate) -> bool:
     return len(candidate.subset) >= 2 and candidate.score == land.best
 
 
-def in_batches(land: Landscape, batch: int, seeds: Sequence[int]) -> pd.DataFrame:
+def in_batches(
+    land: Landscape,
+    batch: int,
+    seeds: Sequence[int],
+    chooser: type[BayesianSubsetSearch] = BayesianSubsetSearch,
+) -> pd.DataFrame:
     """A row a seed: what ``batch`` workers need until the optimum.
 
     ``needed`` evaluations (infinite where it was not found), ``rounds`` at whose end workers wait for one
@@ -62,7 +112,7 @@ def in_batches(land: Landscape, batch: int, seeds: Sequence[int]) -> pd.DataFram
     """
     rows = []
     for seed in seeds:
-        search, sizes, began = search_of(land, seed, batch), [], time.process_time()
+        search, sizes, began = search_of(land, seed, batch, chooser), [], time.process_time()
         hits: list[int] = []
         for generation in search:
             sizes.append(len(generation.candidates))

@@ -43,6 +43,29 @@ def test_a_batch_counts_evaluations_rounds_and_time(scripts: tuple[ModuleType, .
     assert (four["wall"] < one["wall"]).all()
 
 
+def test_draws_spread_as_the_posterior_does(scripts: tuple[ModuleType, ...]) -> None:
+    rng = np.random.default_rng(0)
+    learned, new = rng.random((12, 2)), rng.random((5, 2))
+    process = fit((learned,), np.sin(4.0 * learned[:, 0]) + learned[:, 1])
+    # A point twice, and one it learned from.
+    points = (np.concatenate([new, new[:1], learned[:1]]),)
+    draws = scripts[0].drawn(process, points, 4000, rng)
+    mean, sd = process.predict(points)
+    assert draws.mean(axis=0) == pytest.approx(mean, abs=4.0 * float(sd.max()) / 4000**0.5 + 1e-3)
+    floor = 1e-3 * process.variance**0.5  # what keeps the covariance from being singular
+    assert draws.std(axis=0) == pytest.approx(np.sqrt(sd**2 + floor**2), rel=0.06)
+    assert np.abs(draws[:, 0] - draws[:, 5]).max() <= 8.0 * floor
+
+
+def test_thompson_proposes_what_is_new_and_each_once(scripts: tuple[ModuleType, ...], land: object) -> None:
+    search = scripts[0].search_of(land, 3, 8, scripts[0].CHOOSERS["Thompson"])
+    search.run()
+    assert search.reason == "all 57 subsets are scored"
+    assert search.counts.distinct == len(search.candidates) == 63
+    found = scripts[0].in_batches(land, 8, range(3), scripts[0].CHOOSERS["Thompson"])
+    assert (found["needed"] <= 62).all()
+
+
 def test_a_run_ends_at_the_optimum(scripts: tuple[ModuleType, ...], land: object) -> None:
     met = scripts[0].run(land, 0)
     assert 0.0 in land.regrets(met)  # type: ignore[attr-defined]
