@@ -9,7 +9,16 @@ from sfkit.analysis.ablations import (
     validation_sets,
 )
 from sfkit.analysis.comparisons import ComparedColumn, ComparedNetwork, NetworkComparison, compare_networks
-from sfkit.analysis.costs import MethodCost, StageCost, check_seconds, cost_table, overhead_table, stage_costs
+from sfkit.analysis.costs import (
+    MethodCost,
+    Overhead,
+    StageCost,
+    check_seconds,
+    cost_table,
+    overhead,
+    overhead_table,
+    stage_costs,
+)
 from sfkit.analysis.differences import (
     Advantage,
     AdvantagePanels,
@@ -90,6 +99,7 @@ __all__ = [
     "MethodCost",
     "NetworkComparison",
     "OutlierRegion",
+    "Overhead",
     "PopulationHistory",
     "PopulationSizes",
     "PredictionCalibration",
@@ -143,6 +153,7 @@ __all__ = [
     "method_costs",
     "open_joint",
     "outlier_regions",
+    "overhead",
     "overhead_table",
     "overlap",
     "paired_difference",

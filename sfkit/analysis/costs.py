@@ -130,13 +130,53 @@ def check_seconds(training: Mapping[str, float], joint: float | None) -> None:
         )
 
 
-def overhead_table(
+TUNING, JOINT = "fine-tuning the sources", "joint retraining"
+"""The trainings that methods are set beside."""
+_SHARES = {TUNING: "overhead [%]", JOINT: "of joint retraining [%]"}
+
+
+@dataclass(frozen=True)
+class Overhead:
+    """What methods take beside trainings.
+
+    Attributes:
+        costs: of the methods.
+        trainings: ``TUNING``, after ``JOINT`` where that was done -> wall seconds.
+    """
+
+    costs: tuple[MethodCost, ...]
+    trainings: Mapping[str, float]
+
+    def share(self, cost: MethodCost, training: str) -> float:
+        """A method's wall time in percent of a training's."""
+        return 100.0 * cost.seconds / self.trainings[training]
+
+    def table(self) -> pd.DataFrame:
+        """A row a training, then a row a method: evaluations, image passes, wall seconds, percent of each."""
+        shares = {label: name for name, label in _SHARES.items() if name in self.trainings}
+        rows = [{"method": name, "wall seconds": seconds} for name, seconds in self.trainings.items()] + [
+            {
+                "method": cost.method,
+                "evaluations": cost.evaluations,
+                "image passes": cost.image_passes,
+                "wall seconds": cost.seconds,
+                **{label: self.share(cost, name) for label, name in shares.items()},
+            }
+            for cost in self.costs
+        ]
+        columns = ["method", "evaluations", "image passes", "wall seconds", *shares]
+        table = pd.DataFrame(rows, columns=columns).set_index("method")
+        # A training's row has no evaluations, which would turn the others into fractions.
+        return table.astype({"evaluations": "Int64", "image passes": "Int64"})
+
+
+def overhead(
     costs: Sequence[MethodCost], training: Mapping[str, float], joint: float | None = None
-) -> pd.DataFrame:
+) -> Overhead:
     """What methods cost beside the fine-tuning of their sources, as in the paper's table of costs.
 
-    The paper divides by the time of joint retraining. Where that is known there is a column of it; the
-    overhead to the trainings the pool is made of always has one, and says so.
+    The paper divides by the time of joint retraining. Where that is known its share stands beside; the
+    overhead to the trainings the pool is made of is always there, and says so.
 
     Args:
         costs: from :func:`~sfkit.analysis.worth.method_costs`.
@@ -150,23 +190,12 @@ def overhead_table(
     if not training:
         raise InputError("cost: found no training, expected positive seconds for each source")
     check_seconds(training, joint)
-    total = math.fsum(training.values())
-    rows = [{"method": "fine-tuning the sources", "wall seconds": total}] + [
-        {
-            "method": cost.method,
-            "evaluations": cost.evaluations,
-            "image passes": cost.image_passes,
-            "wall seconds": cost.seconds,
-            "overhead [%]": 100.0 * cost.seconds / total,
-        }
-        for cost in costs
-    ]
-    columns = ["method", "evaluations", "image passes", "wall seconds", "overhead [%]"]
-    table = pd.DataFrame(rows, columns=columns).set_index("method")
-    if joint is not None:
-        row = pd.DataFrame({"wall seconds": [joint]}, index=pd.Index(["joint retraining"], name="method"))
-        table = pd.concat([row, table])[columns[1:]]
-        searches = table["overhead [%]"].notna()
-        table["of joint retraining [%]"] = (100.0 * table["wall seconds"] / joint).where(searches)
-    # The fine-tuning's row has no evaluations, which would turn the others into fractions.
-    return table.astype({"evaluations": "Int64", "image passes": "Int64"})
+    trainings = {} if joint is None else {JOINT: joint}
+    return Overhead(tuple(costs), {**trainings, TUNING: math.fsum(training.values())})
+
+
+def overhead_table(
+    costs: Sequence[MethodCost], training: Mapping[str, float], joint: float | None = None
+) -> pd.DataFrame:
+    """The table of :func:`overhead`, with its arguments and errors."""
+    return overhead(costs, training, joint).table()

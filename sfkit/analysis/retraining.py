@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from sfkit.analysis.costs import JOINT
 from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import common_unit
@@ -103,9 +104,6 @@ def retraining_against_merging(
         for name in names
     )
     return Retraining(ways, tuple(one.benchmark for one in measured), common_unit(measured, None))
-
-
-JOINT = "joint retraining"
 
 
 def open_joint(pool: Pool, file: str | Path, seconds: float | None, training: Mapping[str, float]) -> Pool:

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from sfkit.analysis.comparisons import NetworkComparison, mean_of
-from sfkit.analysis.costs import MethodCost, overhead_table
+from sfkit.analysis.costs import MethodCost, Overhead, overhead
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.headed import MEAN, UNSEEN, with_means
 from sfkit.analysis.labels import Judgement, points
@@ -266,12 +266,16 @@ class Study:
         """What each method took, all its runs together, for tables and figures."""
         return costs_of(self.runs)
 
-    def overhead_table(self, training: Mapping[str, float], joint: float | None = None) -> pd.DataFrame:
-        """What each method took beside the fine-tuning of the sources: the paper's table of costs.
+    def overhead(self, training: Mapping[str, float], joint: float | None = None) -> Overhead:
+        """What each method took beside the fine-tuning of the sources, and beside joint retraining.
 
-        Args and errors as :func:`~sfkit.analysis.costs.overhead_table`.
+        Args and errors as :func:`~sfkit.analysis.costs.overhead`.
         """
-        return overhead_table(self.costs(), training, joint)
+        return overhead(self.costs(), training, joint)
+
+    def overhead_table(self, training: Mapping[str, float], joint: float | None = None) -> pd.DataFrame:
+        """The table of :meth:`overhead`: the paper's table of costs."""
+        return self.overhead(training, joint).table()
 
 
 def _word(found: Difference | None) -> str:

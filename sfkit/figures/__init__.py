@@ -5,7 +5,7 @@ that read on a light page, a dark one, or both.
 """
 
 from sfkit.figures.comparisons import benchmark_comparison_figure, comparison_figure
-from sfkit.figures.costs import cost_figure, method_cost_figure
+from sfkit.figures.costs import cost_figure, method_cost_figure, overhead_figure
 from sfkit.figures.differences import advantage_figure
 from sfkit.figures.disparities import disparity_figure
 from sfkit.figures.distributions import cmaes_figure
@@ -40,6 +40,7 @@ __all__ = [
     "geometry_figure",
     "interpolation_figure",
     "method_cost_figure",
+    "overhead_figure",
     "population_figure",
     "population_sizes_figure",
     "predictions_figure",

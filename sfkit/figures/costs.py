@@ -1,4 +1,4 @@
-"""What did it cost? Evaluations and seconds, stage by stage."""
+"""What did it cost? Evaluations and seconds, stage by stage, and beside what the trainings took."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.costs import MethodCost, StageCost
+from sfkit.analysis.costs import JOINT, MethodCost, Overhead, StageCost
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 
@@ -57,12 +57,13 @@ def cost_figure(costs: Sequence[StageCost], *, theme: str = "auto", height: int 
 
 
 def method_cost_figure(
-    costs: Sequence[MethodCost], *, theme: str = "auto", height: int | None = None
+    costs: Sequence[MethodCost], *, passes: bool = False, theme: str = "auto", height: int | None = None
 ) -> go.Figure:
     """Draw what whole methods take from nothing: evaluations and seconds, a bar a method.
 
     Args:
         costs: from :meth:`sfkit.analysis.Study.costs`, or of one's own.
+        passes: draw image passes instead of evaluations, for trainings have none of these.
         theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
         height: of the figure in pixels; by the number of methods unless given.
 
@@ -71,8 +72,10 @@ def method_cost_figure(
     """
     figure = make_subplots(rows=1, cols=2, shared_yaxes=True, horizontal_spacing=0.06)
     methods = [cost.method for cost in costs]
+    work = [cost.image_passes if passes else cost.evaluations for cost in costs]
+    counted = "image pairs through the network" if passes else "evaluations on validation"
     parts = (
-        (ACCENT, [cost.evaluations for cost in costs], "evaluations on validation (number)", ",.0f"),
+        (ACCENT, work, f"{counted} (number)", ",.0f"),
         (WARM, [cost.seconds for cost in costs], "wall time (s)", ".1f"),
     )
     for col, (colour, values, title, form) in enumerate(parts, start=1):
@@ -87,16 +90,58 @@ def method_cost_figure(
         )
         figure.update_xaxes(title_text=title, row=1, col=col)
     figure.update_yaxes(type="category", autorange="reversed")
-    figure.update_yaxes(title_text="method", row=1, col=1)
-    # By evaluations: seconds depend on the machine.
-    dearest = max(costs, key=lambda cost: cost.evaluations)
+    figure.update_yaxes(title_text="part" if passes else "method", row=1, col=1)
+    # By what was counted: seconds depend on the machine.
+    most, dearest = max(zip(work, methods, strict=True))
     return finish(
         figure,
         theme=theme,
-        title="What does each method take?",
-        subtitle=f"each from nothing, whatever the store held; most: {dearest.method}, "
-        f"{dearest.evaluations:,} evaluations",
+        title="What does each part take?" if passes else "What does each method take?",
+        subtitle=f"each from nothing, whatever the store held; most: {dearest}, "
+        f"{most:,} {'passes' if passes else 'evaluations'}",
         height=height or 24 * len(costs) + 190,
         showlegend=False,
         margin={"b": 60},
+    )
+
+
+def overhead_figure(record: Overhead, *, theme: str = "auto", height: int | None = None) -> go.Figure:
+    """Draw each method's wall time in percent of the trainings', a bar a training.
+
+    Args:
+        record: from :meth:`sfkit.analysis.Study.overhead`, or :func:`~sfkit.analysis.costs.overhead`.
+        theme: ``light``, ``dark``, or ``auto`` for a figure that reads on both.
+        height: of the figure in pixels; by the number of bars unless given.
+
+    Raises:
+        InputError: an unknown theme.
+    """
+    figure = go.Figure()
+    methods = [cost.method for cost in record.costs]
+    most = (0.0, "", "")
+    for name, seconds in record.trainings.items():
+        shares = [record.share(cost, name) for cost in record.costs]
+        most = max(most, *((share, method, name) for share, method in zip(shares, methods, strict=True)))
+        figure.add_bar(
+            x=shares,
+            y=methods,
+            orientation="h",
+            name=f"of {name} ({seconds:,.0f} s)",
+            marker={"color": WARM if name == JOINT else ACCENT, "line": {"width": 0}},
+            text=[f"{share:.1f} %" for share in shares],
+            textposition="outside",
+            cliponaxis=False,
+            hovertemplate=f"%{{y}}: %{{x:.2f}} % of {name}<extra></extra>",
+        )
+    figure.update_yaxes(type="category", autorange="reversed", title_text="method")
+    # Room for the number beside the longest bar, on a narrow page too.
+    figure.update_xaxes(range=[0.0, 1.25 * most[0]], title_text="wall time (% of the training's)")
+    return finish(
+        figure,
+        theme=theme,
+        title="What does each method cost beside training?",
+        subtitle=f"most: {most[1]}, {most[0]:.1f} % of {most[2]}",
+        height=height or 20 * len(methods) * len(record.trainings) + 200,
+        barmode="group",
+        showlegend=True,
     )

@@ -25,7 +25,7 @@ from sfkit.analysis import (
     compare_networks,
     selection_statistics,
 )
-from sfkit.analysis.costs import StageCost
+from sfkit.analysis.costs import MethodCost, Overhead, StageCost, overhead
 from sfkit.analysis.differences import AdvantagePanels, advantage_panels
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.evolution import Evolution, Individual, PopulationHistory, summarise
@@ -107,6 +107,11 @@ def grid() -> ScoreGrid:
 
 def costs() -> tuple[StageCost, ...]:
     return StageCost("Stage 1", 7, 4, 29, 2, 3.5, 2.0), StageCost("Stage 2", 60, 0, 0, 0, 18.0, 0.0)
+
+
+def beside_training() -> Overhead:
+    taken = [MethodCost("uniform", 1, 8, 4.8), MethodCost("Stage 1+2", 61, 488, 406.6)]
+    return overhead(taken, {"a": 4000.0, "b": 2401.7}, joint=9500.6)
 
 
 def sizes() -> PopulationSizes:
@@ -281,6 +286,7 @@ FIGURES: dict[str, Callable[[str], go.Figure]] = {
     "calibration": lambda theme: figures.calibration_figure(calibration(told()), theme=theme),
     "scores": lambda theme: figures.scores_figure(grid(), theme=theme),
     "cost": lambda theme: figures.cost_figure(costs(), theme=theme),
+    "overhead": lambda theme: figures.overhead_figure(beside_training(), theme=theme),
     "strategies": lambda theme: figures.fusion_figure(fusion_table(), theme=theme),
     "advantage": lambda theme: figures.advantage_figure(versus(), theme=theme),
     "disparity": lambda theme: figures.disparity_figure(panels(), theme=theme),

@@ -17,7 +17,7 @@ from sfkit import figures
 from sfkit.analysis.drawn_points import LIMIT
 from sfkit.errors import InputError
 
-WITHOUT_UNIT = {"source", "network", "stage", "block", "run", "target"}
+WITHOUT_UNIT = {"source", "network", "method", "stage", "block", "run", "target"}
 WITHOUT_UNIT |= {"granularity of the weights", "selection of sources"}
 THEMES = ["light", "dark", "auto"]
 

@@ -13,6 +13,7 @@ from sfkit.analysis import (
     InterpolationCurve,
     MethodCost,
     measure_recipes,
+    overhead,
     qualitative_grid,
     retraining_against_merging,
     selection_statistics,
@@ -20,10 +21,12 @@ from sfkit.analysis import (
 from sfkit.figures import (
     interpolation_figure,
     method_cost_figure,
+    overhead_figure,
     qualitative_figure,
     rivals_figure,
     teaser_figure,
 )
+from sfkit.published import published
 
 BLOCKS = ("level", "offset")
 
@@ -103,6 +106,25 @@ def test_methods_are_bars_of_what_they_take() -> None:
     figure = method_cost_figure([MethodCost("a", 10, 80, 2.5), MethodCost("b", 1200, 9600, 60.0)])
     assert [list(trace.x) for trace in figure.data] == [[10, 1200], [2.5, 60.0]]
     assert "most: b, 1,200 evaluations" in figure.layout.title.subtitle.text
+    trainings = method_cost_figure([MethodCost("a", 0, 80, 2.5), MethodCost("b", 0, 9600, 60.0)], passes=True)
+    assert list(trainings.data[0].x) == [80, 9600]
+    assert "most: b, 9,600 passes" in trainings.layout.title.subtitle.text
+
+
+def test_the_papers_overhead_is_a_bar() -> None:
+    """Of table `tab:computational_cost`: NMRF's search took 3.7 % of the hours of joint retraining."""
+    hours = published("tab:computational_cost")["NMRF"]
+    ours = MethodCost("search", 0, 0, 3600.0 * hours["Total (h)"])
+    record = overhead([ours], {"one": 7200.0, "other": 7200.0}, 3600.0 * hours["Joint retraining (h)"])
+    figure = overhead_figure(record)
+    names = [trace.name for trace in figure.data]
+    assert names[0].startswith("of joint retraining (")
+    assert names[1] == "of fine-tuning the sources (14,400 s)"
+    joint, tuning = (trace.x[0] for trace in figure.data)
+    assert joint == pytest.approx(3.7, abs=0.05)
+    assert tuning == pytest.approx(100 * hours["Total (h)"] / 4)
+    assert figure.layout.title.subtitle.text == f"most: search, {tuning:.1f} % of fine-tuning the sources"
+    assert len(overhead_figure(overhead([ours], {"one": 7200.0})).data) == 1
 
 
 def test_many_lines_have_a_panel_each_on_one_scale() -> None:

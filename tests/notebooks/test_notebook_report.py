@@ -120,7 +120,7 @@ def test_the_page_says_whether_a_pair_was_held_out_and_that_no_test_was_seen(exe
 
 def test_every_figure_was_drawn_and_nothing_complained(executed: NotebookNode) -> None:
     outputs = [output for cell in executed.cells for output in cell.get("outputs", [])]
-    assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 20
+    assert sum(PLOTLY in output.get("data", {}) for output in outputs) == 21
     assert [output.text for output in outputs if output.get("name") == "stderr"] == []
     printed = "".join(output.get("text", "") for output in outputs)
     assert "sfkit report report -p pool bank -p benchmark_pairs 2" in printed
@@ -139,7 +139,7 @@ def test_the_page_shows_every_figure_without_a_network(folder: Path, browser: Br
     page.goto(address)
     page.wait_for_function("[...document.querySelectorAll('.plot')].every(p => p.querySelector('.gtitle'))")
     titles = page.locator(".plot .gtitle").all_text_contents()
-    assert len(titles) == 20
+    assert len(titles) == 21
     assert all("?" in title for title in titles)
     assert page.locator("h1").inner_text().startswith("Deploy single best (validation)")
     assert (
