@@ -117,8 +117,7 @@ class _Training:
         self.course = Course(settings.steps(len(task.pairs)))
         # Before DDP wraps the network and sends its weights to all processes.
         self._resume()
-        terms = _Terms(self.network, task.objective)
-        self.terms: nn.Module = DistributedDataParallel(terms) if self.world > 1 else terms
+        self.terms: nn.Module = _Terms(self.network, task.objective)
         self.batches = Batches(task.pairs, settings, task.inputs.multiple, rank=self.rank, world=self.world)
 
     def run(self) -> Course:
@@ -154,6 +153,9 @@ class _Training:
         counts = torch.stack([task.objective.counts(part.truth) for part in parts]).sum(dim=0)
         if self.world > 1:
             dist.all_reduce(counts)
+        if self.world > 1 and not isinstance(self.terms, DistributedDataParallel):
+            unused = self._has_unused(parts[0], counts)
+            self.terms = DistributedDataParallel(self.terms, find_unused_parameters=unused)
         self.optimiser.zero_grad()
         total = torch.zeros((), dtype=torch.float64, device=task.device)
         for number, part in enumerate(parts, start=1):
@@ -182,6 +184,22 @@ class _Training:
         loss = (sums / counts.clamp(min=1).to(sums.dtype)).sum()
         (loss * self.world).backward()
         return cast(torch.Tensor, loss.detach()).double()
+
+    def _has_unused(self, part: Tensors, counts: torch.Tensor) -> bool:
+        """Whether some parameter gets no gradient on any process, by one pass that leaves no trace.
+
+        DDP waits for every gradient unless it is told, and where it is told without need it complains.
+        """
+        before = [(buffer, buffer.clone()) for buffer in self.network.buffers()]
+        devices = [self.task.device] if self.task.device.type == "cuda" else []
+        with torch.random.fork_rng(devices=devices):
+            self._backward(part, counts)
+        idle = [p for p in self.network.parameters() if p.requires_grad and p.grad is None]
+        for buffer, value in before:
+            buffer.copy_(value)
+        found = torch.tensor(float(bool(idle)), device=self.task.device)
+        dist.all_reduce(found, op=dist.ReduceOp.MAX)
+        return bool(found)
 
     def _unsynchronised(self, *, last: bool) -> contextlib.AbstractContextManager[None]:
         if isinstance(self.terms, DistributedDataParallel) and not last:

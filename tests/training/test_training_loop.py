@@ -32,6 +32,24 @@ STEPS = SETTINGS.steps(8)
 DIVIDED = replace(SETTINGS, clip=0.0, rate=1e-4)
 
 
+IDLE = "idle-net"
+
+
+@sfkit.register_architecture(IDLE, blocks={"all": ["*"]}, version="1")
+class Idle(torch.nn.Module):
+    """A network of one convolution, with a layer that no output depends on."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.level = torch.nn.Conv2d(6, 1, 3, padding=1)
+        self.unused = torch.nn.Linear(3, 3)
+
+    def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+        """(B, H, W) px."""
+        found: torch.Tensor = self.level(torch.cat([left, right], dim=1))
+        return found[:, 0]
+
+
 class KilledError(Exception):
     """Stands for the moment at which a process dies."""
 
@@ -121,12 +139,21 @@ def test_bfloat16_computes_in_it_and_keeps_weights_and_repetition(base: Path, tm
 
 def test_two_processes_equal_one(base: Path, tmp_path: Path) -> None:
     alone = finetune(base, tiny_set(), tmp_path / "one.safetensors", settings=DIVIDED)
-    out = tmp_path / "two.safetensors"
-    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=0"]
-    command += ["--rdzv-backend=c10d", "--rdzv-endpoint=localhost:0", __file__, str(base), str(out), "0"]
-    done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr[-2000:]
+    said = train_in_two_processes(out := tmp_path / "two.safetensors", base)
     assert largest_difference(alone.path, out) < 1e-6
+    assert "find_unused_parameters" not in said
+
+
+def test_two_processes_equal_one_where_a_parameter_is_never_used(tmp_path: Path) -> None:
+    settings = replace(DIVIDED, micro_batch=1)
+    alone = finetune(None, tiny_set(), tmp_path / "one.safetensors", name=IDLE, settings=settings)
+    train_in_two_processes(out := tmp_path / "two.safetensors", IDLE)
+    assert largest_difference(alone.path, out) < 1e-6
+    # Weight decay would shrink what no gradient moves.
+    torch.manual_seed(settings.seed)
+    drawn = Idle().state_dict()
+    moved = {key for key, value in load_file(out).items() if not torch.equal(value, drawn[key])}
+    assert moved == {"level.weight", "level.bias"}
 
 
 def test_frozen_batch_norm_keeps_the_statistics_of_the_base(base: Path, tmp_path: Path) -> None:
@@ -228,6 +255,15 @@ def test_training_lowers_the_loss(tmp_path: Path) -> None:
     assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:5])
 
 
+def train_in_two_processes(out: Path, base: Path | str) -> str:
+    """What torchrun's two processes print while they train."""
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node=2", "--master-port=0"]
+    command += ["--rdzv-backend=c10d", "--rdzv-endpoint=localhost:0", __file__, str(base), str(out), "0"]
+    done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout + done.stderr
+
+
 def largest_difference(first: Path, second: Path) -> float:
     """Over all tensors of two files."""
     one, two = load_file(first), load_file(second)
@@ -247,7 +283,10 @@ def train(base: str, out: str, stop: int) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
     settings = DIVIDED if dist.is_initialized() else SETTINGS
-    finetune(base, tiny_set(), out, settings=settings, listen=listen, overwrite=True)
+    if base == IDLE:
+        finetune(None, tiny_set(), out, name=IDLE, settings=replace(settings, micro_batch=1))
+    else:
+        finetune(base, tiny_set(), out, settings=settings, listen=listen, overwrite=True)
     if dist.is_initialized():
         dist.destroy_process_group()
 
