@@ -17,6 +17,7 @@ from sfkit.evaluation.engines import Engine, Result, Runner, check_pool
 from sfkit.evaluation.metrics import ImageErrors, Quantities
 from sfkit.evaluation.outcome import Outcome, Part
 from sfkit.evaluation.prepared import PreparedBenchmark
+from sfkit.evaluation.separation import trained_on
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -51,7 +52,8 @@ class Evaluator:
     Attributes:
         listen: when a search asks, told the numbers of recipes that are done and that were asked for.
 
-    Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs look wrong, such as left and right exchanged.
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where pairs look wrong, such as left and right exchanged, and
+    where a member of the pool was trained on them, as its file tells.
 
     Raises:
         InputError: the benchmark cannot be evaluated as it is (missing files, no valid pixel, a mask the
@@ -84,8 +86,9 @@ class Evaluator:
         inputs = pool.architecture.inputs(pool.options)
         self.prepared = PreparedBenchmark(benchmark, inputs, self.quantities)
         self._runner = Runner(pool, self.prepared, self.compute)
-        if doubt := self.prepared.doubt():
-            warnings.warn(doubt, SfkitWarning, stacklevel=2)
+        for doubt in (self.prepared.doubt(), trained_on(pool, benchmark)):
+            if doubt:
+                warnings.warn(doubt, SfkitWarning, stacklevel=2)
         self.frame: dict[str, Any] = {
             "base": pool.base.fingerprint,
             "architecture": pool.describe(),

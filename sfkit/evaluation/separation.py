@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence, Set
+from contextlib import suppress
 from dataclasses import dataclass
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.digests import file_digest
 from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import Pair, StereoPair
+from sfkit.datasets.training_set import FilePair
 from sfkit.errors import InputError
+from sfkit.merging.pool import Pool
 
 GUIDED = "*"
 """Stands behind the name of what guided a search: its scores are no test."""
+DIGITS = 16
+"""Of the digests that a trained network's file names its pairs by."""
+MOST_SEEN = 10_000
+"""Pairs of a larger training set are not named one by one: a file's header would grow without end."""
 PERCENT = "bad-1.0"
 """What tests in pixels are measured by where a guide without ground truth is in percent."""
 
@@ -133,6 +140,38 @@ def identities(pair: Pair) -> set[str]:
         # Ground truth in another coding has another fingerprint; the image is the same.
         identities.add(file_digest(pair.left))
     return identities
+
+
+def seen_in_training(pairs: Sequence[Pair]) -> str:
+    """Digests of a training set's pairs in one text, as a trained network's file carries them.
+
+    Of a pair on disk it is that of the left image, of any other its fingerprint. Empty for more than 10,000
+    pairs; a file that cannot be read is left out, for no training saw it.
+    """
+    found = []
+    for pair in pairs if len(pairs) <= MOST_SEEN else ():
+        with suppress(InputError):
+            found.append(
+                file_digest(pair.files()["left"]) if isinstance(pair, FilePair) else pair.fingerprint()
+            )
+    return " ".join(digest[:DIGITS] for digest in sorted(found))
+
+
+def trained_on(pool: Pool, benchmark: Benchmark) -> str | None:
+    """One sentence where members of a pool were trained on pairs of a benchmark, as their files tell.
+
+    None where they were not, and where no file tells.
+    """
+    members = [member for member in (pool.base, *pool.sources) if member.seen]
+    pairs = [{one[:DIGITS] for one in identities(pair)} for pair in benchmark.pairs] if members else []
+    counts = {member.name: sum(bool(pair & member.seen) for pair in pairs) for member in members}
+    learned = [f"{name!r} ({count} of {len(pairs)})" for name, count in counts.items() if count]
+    if not learned:
+        return None
+    return (
+        f"benchmark {benchmark.name!r}: members of the pool were trained on its pairs, which flatter them: "
+        f"{', '.join(learned)}; validate and test on others"
+    )
 
 
 def _columns(benchmarks: Iterable[Benchmark]) -> tuple[Benchmark, ...]:

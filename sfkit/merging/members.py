@@ -27,6 +27,8 @@ from sfkit.merging.flat import FlatLayout
 from sfkit.merging.vectors import TaskVectors
 
 ITSELF = Kinship(1.0, 0.0)  # the base's kinship to the base
+SEEN = "sfkit.seen"
+"""The text entry in which a network that sfkit trained names the pairs it saw, by their digests."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,7 @@ class Checked:
         thawed: keys it changed although the architecture calls them frozen.
         kept: keys of buffers of numbers whose values differ from the base's, which merges keep.
         signatures: what each file it was read from looked like then.
+        seen: digests of the pairs it was trained on, as its file tells; empty where it does not.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Checked:
     thawed: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
     signatures: Mapping[Path, Signature] = field(default_factory=dict)
+    seen: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -269,7 +273,8 @@ def _subtract(
 
 def _checked(member: Member, file: CheckpointFile, identity: str, **found: Any) -> Checked:
     told = (member.name, member.path, identity, member.licence, member.note)
-    return Checked(*told, file.layout, signatures=file.signatures, **found)
+    seen = frozenset(file.metadata.get(SEEN, "").split())
+    return Checked(*told, file.layout, signatures=file.signatures, seen=seen, **found)
 
 
 def assemble(

@@ -27,8 +27,9 @@ from sfkit.checkpoints.writing import write_checkpoint
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError
+from sfkit.evaluation.separation import seen_in_training
 from sfkit.files import write_text
-from sfkit.merging.members import PoolOpener
+from sfkit.merging.members import SEEN, PoolOpener
 from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.outside import parse_json
@@ -154,7 +155,11 @@ def finetune(
     if not dist.is_initialized() or dist.get_rank() == 0:
         # The checkpoint comes last: where it is, curve and record are, too.
         _finish(folder, course, made, result)
-        metadata = {TRAINED: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True)}
+        metadata = {
+            TRAINED: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True),
+            # For searches that would validate on them.
+            SEEN: seen_in_training(data.pairs),
+        }
         write_checkpoint(
             out, network.state_dict(), layout=start.layout, metadata=metadata, form=form, overwrite=overwrite
         )
