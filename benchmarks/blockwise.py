@@ -4,7 +4,7 @@
     python benchmarks/blockwise.py --list             # what there is to do, and what is done
     python benchmarks/results.py blockwise            # write what is there into benchmarks/README.md
 
-Searches over the best subsets of three to six sources by the table of all subsets, on the pairs that the
+Searches over the best subsets of three to eleven sources by the table of all subsets, on the pairs that the
 table scores quickly. What the model knows before is what Stage 1 by its model evaluates of that table. Every
 evaluation goes through a store, so that a run can be interrupted at any moment.
 """
@@ -34,7 +34,7 @@ from sfkit.merging import Pool, Recipe
 DOCUMENT = "benchmarks/README.md"
 
 BANKS = ("bank", "bank-sharp")
-SIZES = (3, 4, 5, 6)
+SIZES = (3, 4, 5, 6, 8, 11)
 """Sources of the subset, a search each."""
 MARKS = (40, 60, 80, 100, 150)
 MOST = 150

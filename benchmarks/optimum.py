@@ -9,6 +9,10 @@ As ``search.py``, on the scores of all subsets of the embedded bank, where an ev
 table and only distinct ones count. Searches beside each other; the model's in batches for several workers;
 and a pool that gains each source of the best subset in turn. pymoo, DEAP and Optuna take part where they are
 installed (``make bench``).
+
+What is recorded rests on 200 seeds a search, but for Optuna's GP sampler (39 seeds on 20 pairs, 6 on 8: it
+takes 0.2 to 0.6 s of computing an evaluation), its TPE sampler on 8 pairs (100), scikit-learn's and BoTorch's
+models (5) and the greedy soup, which draws nothing (1).
 """
 
 from __future__ import annotations

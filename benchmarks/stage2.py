@@ -9,6 +9,9 @@ Every search is Stage 1 by its model, the same for all ways, then Stage 2 over t
 of all its candidates is kept as a CSV file. Each evaluation goes through a store, so that a run can be
 interrupted at any moment. Optuna's samplers take part where they are installed (``make bench``), the real
 pool where SFKIT_REAL_DATA says where it lies.
+
+The goal was CMA-ES's score after 300 evaluations within 80 at the median. It is met on the bank (57, in
+twelve searches of which seven got there) and missed on the real pool, where two of four searches got there.
 """
 
 from __future__ import annotations
