@@ -27,7 +27,6 @@ from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -39,6 +38,7 @@ TEXTURE = 0.3  # share of pixels with texture
 INSIDE = 0.7  # share of pixels whose match lies inside the right image
 FLAT = 1.0  # pixels between the 5th and the 95th percentile of a disparity map
 FEW_PAIRS = 4
+BEST, FOUND = "the best network", "the network found"
 
 Table = NDArray[np.float64]
 
@@ -75,10 +75,11 @@ class Trust:
         stability: mean rank correlation of the networks' scores over random halves of the pairs; NaN with
             fewer than two pairs or three networks.
         texture: share of pixels with texture, of all pairs.
-        inside: share of pixels whose match lies inside the right image, under the best network.
-        collapsed: share of the best network's maps that are nearly constant or nearly zero.
+        inside: share of pixels whose match lies inside the right image, under ``network``.
+        collapsed: share of the maps of ``network`` that are nearly constant or nearly zero.
         pairs: how many pairs there are.
         kept_back: what further pairs without labels say of the network found, None where there are none.
+        network: whose maps were looked at: the best of the networks ranked, or what a search found.
     """
 
     agreement: Agreement | None
@@ -88,6 +89,7 @@ class Trust:
     collapsed: float
     pairs: int
     kept_back: KeptBack | None = None
+    network: str = BEST
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -113,10 +115,13 @@ class Trust:
         if self.texture < TEXTURE:
             found.append(f"{100 * self.texture:.0f} % of the pixels have texture, the rest tells nothing")
         if self.inside < INSIDE:
-            found.append(f"under the best network {100 * self.inside:.0f} % of matches lie inside the image")
+            found.append(
+                f"under {self.network} {100 * self.inside:.0f} % of matches lie inside the image "
+                f"(expected {100 * INSIDE:.0f} % or more)"
+            )
         if self.collapsed > 0:
             found.append(
-                f"{100 * self.collapsed:.0f} % of the best network's maps are nearly constant or zero: "
+                f"{100 * self.collapsed:.0f} % of the maps of {self.network} are nearly constant or zero: "
                 "it may win where images have no texture"
             )
         back = self.kept_back
@@ -188,6 +193,7 @@ def trust(
     *,
     labelled: Evaluator | None = None,
     found: Recipe | None = None,
+    found_in: Pool | None = None,
     further: Sequence[Evaluator] = (),
     seed: int = 0,
 ) -> Trust:
@@ -198,7 +204,9 @@ def trust(
         recipes: the networks, such as :func:`~sfkit.analysis.ranking.yardstick_recipes`.
         labelled: where labels are at hand, a scorer of the same pool by a metric that needs them. Compared
             are all networks that the stores hold under both, whoever asked for them.
-        found: what a search guided by these pairs found, asked of ``further`` as well.
+        found: what a search guided by these pairs found. Its maps are looked at, instead of the best
+            network's where it is better, and it is scored on ``further`` as well.
+        found_in: its pool, where that is another than the scorers', such as one of prepared task vectors.
         further: scorers by ``census`` of pairs that guided nothing.
         seed: of the draws behind interval and halves.
 
@@ -222,12 +230,18 @@ def trust(
         labelled.evaluate(recipes)
         census, truth = scored_by_both(parts, labelled)
         agreed = agreement(census, truth, f"{labelled.metric} on {labelled.benchmark.name}", seed=seed)
-    # Signs are looked for where a search would end.
-    best = recipes[sound[int(table.mean(axis=1).argmin())]]
-    seen = [row for part in parts for row in _seen(part.pool, part.prepared, best, part.device)]
-    texture, inside, collapsed = np.mean(seen, axis=0).tolist()
-    kept = None if found is None else _kept_back(parts, further, found)
-    return Trust(agreed, stability(table, seed=seed), texture, inside, collapsed, table.shape[1], kept)
+    means = table.mean(axis=1)
+    best = int(means.argmin())
+    theirs, tests = (
+        [one if found_in is None else one.with_pool(found_in) for one in scorers]
+        for scorers in (parts, further)
+    )
+    seen = _looked_at(parts, recipes[sound[best]], float(means[best]), theirs, found)
+    # Of two networks the one that speaks more against the ranking.
+    network, (texture, inside, collapsed) = max(seen.items(), key=lambda one: (one[1][2], -one[1][1]))
+    kept = None if found is None else _kept_back((parts, further), (theirs, tests), found)
+    steady = stability(table, seed=seed)
+    return Trust(agreed, steady, texture, inside, collapsed, table.shape[1], kept, network)
 
 
 def trust_of(
@@ -235,16 +249,19 @@ def trust_of(
     evaluators: Sequence[Evaluator],
     found: Recipe | None = None,
     tests: Sequence[Evaluator] = (),
+    *,
+    found_in: Pool | None = None,
 ) -> Trust | None:
     """Whether the guides without labels among all guides may be trusted; None where there is none.
 
     Looks at the networks every pool has (:func:`~sfkit.analysis.ranking.yardstick_recipes`); a guide with
-    labels beside them says how well they agree, over these and all networks that were scored by both; tests
-    without labels say whether the network ``found`` is better there, too.
+    labels beside them says how well they agree, over these and all networks that were scored by both. The
+    network ``found`` (of the pool ``found_in``, where that is another) shows its maps; tests without labels
+    say whether it is better there, too.
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
     """
-    said = _trust_of(pool, evaluators, found, tests)
+    said = _trust_of(pool, evaluators, found, tests, found_in=found_in)
     if said is not None and said.doubts:
         warnings.warn(said.sentence, SfkitWarning, stacklevel=2)
     return said
@@ -262,6 +279,8 @@ def _trust_of(
     evaluators: Sequence[Evaluator],
     found: Recipe | None = None,
     tests: Sequence[Evaluator] = (),
+    *,
+    found_in: Pool | None = None,
 ) -> Trust | None:
     unlabelled = [one for one in evaluators if one.metric.name == CENSUS.name]
     if not unlabelled:
@@ -274,17 +293,22 @@ def _trust_of(
         if len(scored_by_both(unlabelled, labelled)[0]) < FEW_NETWORKS:
             labelled = None  # a pool of two sources that nothing searched: no correlation to speak of
     further = [one for one in tests if one.metric.name == CENSUS.name]
-    return trust(unlabelled, recipes, labelled=labelled, found=found, further=further)
+    return trust(unlabelled, recipes, labelled=labelled, found=found, found_in=found_in, further=further)
 
 
-def _kept_back(guides: Sequence[Evaluator], further: Sequence[Evaluator], found: Recipe) -> KeptBack | None:
-    """None without further pairs, or where a network failed on some."""
+def _kept_back(
+    usual: Sequence[Sequence[Evaluator]], theirs: Sequence[Sequence[Evaluator]], found: Recipe
+) -> KeptBack | None:
+    """Of what guided and of further pairs, in the equal mixture's pool and in that of what was found.
+
+    None without further pairs, or where a network failed on some.
+    """
     changes = []
     # Both networks on both sets of pairs: what a search gained may be those that guided it.
-    for scorers in (guides, further):
+    for scorers, others in zip(usual, theirs, strict=True):
         before, after = [], []
-        for one in scorers:
-            uniform, ours = one.evaluate([one.pool.uniform(), found])
+        for one, other in zip(scorers, others, strict=True):
+            uniform, ours = one.evaluate([one.pool.uniform()])[0], other.evaluate([found])[0]
             if uniform.failure or ours.failure:
                 return None
             before += [image.value(CENSUS) for image in uniform.images]
@@ -295,14 +319,31 @@ def _kept_back(guides: Sequence[Evaluator], further: Sequence[Evaluator], found:
     return KeptBack(changes[0], changes[1], len(after))
 
 
-def _seen(
-    pool: Pool, prepared: PreparedBenchmark, recipe: Recipe, device: str
-) -> list[tuple[float, float, bool]]:
-    """Of each pair, shares of pixels with texture and inside, and whether one network's map is collapsed."""
-    live = LiveModel(pool, device=device)
-    live.apply(recipe)
+def _looked_at(
+    parts: Sequence[Evaluator],
+    best: Recipe,
+    score: float,
+    theirs: Sequence[Evaluator],
+    found: Recipe | None,
+) -> dict[str, list[float]]:
+    """Whose maps were looked at -> signs: what was found, and the best network where that is better."""
+    scored = [] if found is None else [one.evaluate([found])[0] for one in theirs]
+    if found is None or any(one.failure for one in scored):
+        return {BEST: _seen(parts, best)}
+    signs = {FOUND: _seen(theirs, found)}
+    # A search that other guides led as well may end above the best by census.
+    ours = float(np.mean([image.value(CENSUS) for one in scored for image in one.images]))
+    return signs if ours <= score else {**signs, BEST: _seen(parts, best)}
+
+
+def _seen(parts: Sequence[Evaluator], recipe: Recipe) -> list[float]:
+    """Over all pairs, shares of pixels with texture and inside, and of maps that are collapsed."""
     rows = []
-    for sample, pair in prepared:
-        map_ = pair.window.crop(live.disparity(pair.left, pair.right)).numpy()
-        rows.append(signs_of(sample, map_))
-    return rows
+    for part in parts:
+        live = LiveModel(part.pool, device=part.device)
+        live.apply(recipe)
+        for sample, pair in part.prepared:
+            map_ = pair.window.crop(live.disparity(pair.left, pair.right)).numpy()
+            rows.append(signs_of(sample, map_))
+    shares: list[float] = np.mean(rows, axis=0).tolist()
+    return shares

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from importlib import import_module
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 from cli_world import Shell
+
+from sfkit.merging import Pool, Recipe
 
 BOTH = "-b unlabelled -r pairs --also pairs,root=pairs,metric=epe"
 
@@ -24,6 +27,21 @@ def test_baselines_say_how_far_a_guide_without_labels_may_be_trusted(shell: Shel
     assert f"warning: {trust['sentence']}" in errors.splitlines()
     assert "2 pairs can be overfitted, as labels can" in trust["sentence"]
     assert "trust" not in shell.json("baselines pool -b pairs -r pairs --names uniform")
+
+
+def test_baselines_show_the_maps_of_the_best_method(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[Recipe, Pool]] = []
+
+    def spy(_: Pool, __: object, found: Recipe, *, found_in: Pool) -> None:
+        asked.append((found, found_in))
+
+    monkeypatch.setattr(import_module("sfkit.analysis.trust"), "trust_of", spy)
+    line = "baselines pool -b unlabelled -r pairs --names single_best,uniform,ties"
+    entries = shell.json(line)["baselines"]
+    best = min(entries, key=lambda entry: entry["score"])
+    ((found, found_in),) = asked
+    assert found_in.bound(found).document() == best["recipe"]
+    assert set(found.sources) <= set(found_in.names)
 
 
 def test_labels_are_asked_of_every_network_in_the_store(shell: Shell) -> None:
