@@ -21,6 +21,7 @@ from sfkit.streams import Stream, generator
 
 FEW_NETWORKS = 8
 DRAWS = 1000
+ENDS = (2.5, 97.5)  # percentiles: 95 % lie between
 
 Scores = NDArray[np.float64]
 
@@ -33,6 +34,8 @@ class Agreement:
         correlation: Spearman's rank correlation over the networks; NaN where either score is constant.
         interval: its 95 % percentile interval over networks drawn with replacement.
         regret: how much worse the network with the best census is than the best, in the metric's unit.
+        regret_interval: its 95 % percentile interval over the same draws, each drawn set with a pick and a
+            best of its own.
         networks: how many were compared.
         metric: the metric with labels, and its benchmark.
     """
@@ -40,6 +43,7 @@ class Agreement:
     correlation: float
     interval: tuple[float, float]
     regret: float
+    regret_interval: tuple[float, float]
     networks: int
     metric: str
 
@@ -105,7 +109,7 @@ def rank_networks(
 
 
 def ranking_table(rankings: Sequence[Ranking]) -> pd.DataFrame:
-    """One row a benchmark: rank correlation and interval, what is picked without labels, what there is."""
+    """One row a benchmark: rank correlation and regret with intervals, what is picked, what there is."""
     rows = [
         {
             "benchmark": one.benchmark,
@@ -113,6 +117,9 @@ def ranking_table(rankings: Sequence[Ranking]) -> pd.DataFrame:
             "rank correlation": one.agreement.correlation,
             "low": one.agreement.interval[0],
             "high": one.agreement.interval[1],
+            "regret": one.agreement.regret,
+            "regret, low": one.agreement.regret_interval[0],
+            "regret, high": one.agreement.regret_interval[1],
             "picked": one.networks[one.picked],
             f"{one.metric} of the pick": one.truth[one.picked],
             "of the best": one.truth[one.best],
@@ -184,9 +191,23 @@ def agreement(
     drawn = generator(seed, Stream.TRUST).integers(len(ours), size=(DRAWS, len(ours)))
     spread = rank_correlations(ours[drawn], theirs[drawn])
     # A draw that repeats one network only has no correlation.
-    low, high = np.nanpercentile(spread, (2.5, 97.5))
-    regret = float(theirs[int(ours.argmin())] - theirs.min())
-    return Agreement(rank_correlation(ours, theirs), (float(low), float(high)), regret, len(ours), metric)
+    low, high = np.nanpercentile(spread, ENDS)
+    least, most = np.percentile(regrets(ours[drawn], theirs[drawn]), ENDS)
+    return Agreement(
+        rank_correlation(ours, theirs),
+        (float(low), float(high)),
+        float(regrets(ours[None], theirs[None])[0]),
+        (float(least), float(most)),
+        len(ours),
+        metric,
+    )
+
+
+def regrets(ours: Scores, theirs: Scores) -> Scores:
+    """Of each two rows (D, N) -> (D,): how much worse by the second the first's lowest is than the lowest."""
+    picked = np.take_along_axis(theirs, ours.argmin(axis=1, keepdims=True), axis=1)[:, 0]
+    lost: Scores = picked - theirs.min(axis=1)
+    return lost
 
 
 def rank_correlation(first: Scores, second: Scores) -> float:

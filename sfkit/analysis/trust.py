@@ -100,8 +100,8 @@ class Trust:
             low, high = one.interval
             found.append(
                 f"over {one.networks} networks it ranks as {one.metric} with a correlation of "
-                f"{one.correlation:.2f} ({low:.2f} to {high:.2f}, expected {CORRELATION} or more), and its "
-                f"pick is {one.regret:.2f} worse than the best"
+                f"{one.correlation:.2f} ({low:.2f} to {high:.2f}, its lower end expected at {CORRELATION} or "
+                f"more), and its pick is {_regret(one)} worse than the best"
             )
         if self.pairs < FEW_PAIRS:
             found.append(f"{self.pairs} pair{'s' * (self.pairs != 1)} can be overfitted, as labels can")
@@ -151,8 +151,13 @@ class Trust:
         return (
             f"The ranking without labels agrees with {one.metric}: correlation {one.correlation:.2f} "
             f"({one.interval[0]:.2f} to {one.interval[1]:.2f}) over {one.networks} networks, its pick "
-            f"{one.regret:.2f} worse than the best."
+            f"{_regret(one)} worse than the best."
         )
+
+
+def _regret(one: Agreement) -> str:
+    low, high = one.regret_interval
+    return f"{one.regret:.2f} ({low:.2f} to {high:.2f})"
 
 
 def stability(scores: Table, *, seed: int = 0, splits: int = 50) -> float:

@@ -13,7 +13,7 @@ from scipy.stats import spearmanr
 from torch import nn
 
 import sfkit
-from sfkit.analysis.ranking import agreement, rank_correlations, yardstick_recipes
+from sfkit.analysis.ranking import DRAWS, agreement, rank_correlations, yardstick_recipes
 from sfkit.analysis.trust import KeptBack, Trust, is_collapsed, stability, trust, trust_of, trust_sentences
 from sfkit.architectures import register_architecture
 from sfkit.checkpoints.spec import Member, PoolSpec
@@ -21,6 +21,7 @@ from sfkit.datasets import MemoryPair, Sample, memory_benchmark
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation import CombinedScorer, Evaluator
 from sfkit.merging import Pool, open_pool
+from sfkit.streams import Stream, generator
 
 SOUND = Trust(None, 0.9, 0.8, 0.95, 0.0, 8)
 
@@ -35,6 +36,24 @@ def test_agreement_with_labels_by_hand() -> None:
     assert agreement(census, truth, "bad-1.0 on here") == found, "its draws come from the seed"
     with pytest.raises(InputError, match="expected as many of both, at least 8"):
         agreement(census[:7], truth[:7], "x")
+
+
+def test_the_regrets_interval_by_hand() -> None:
+    # The pick is 10 worse than any other. It is drawn in 1 - (7/8)^8 = 66 % of the draws and alone in none.
+    found = agreement(range(8), [10.0] + 7 * [0.0], "x")
+    assert (found.regret, found.regret_interval) == (10.0, (0.0, 10.0))
+    agreed = agreement(range(8), range(8), "x")
+    assert (agreed.regret, agreed.regret_interval) == (0.0, (0.0, 0.0)), "in every draw the pick is the best"
+    # Each draw's regret, network by network; 2.5 and 97.5 % lie between two of the sorted ones.
+    census, truth = np.random.default_rng(4).permuted(np.arange(24.0).reshape(2, 12), axis=1)
+    lost = []
+    for drawn in generator(5, Stream.TRUST).integers(12, size=(DRAWS, 12)).tolist():
+        pick = min(drawn, key=lambda n: census[n])
+        lost.append(truth[pick] - min(truth[n] for n in drawn))
+    lost.sort()
+    ends = [np.interp(share * (DRAWS - 1), range(DRAWS), lost) for share in (0.025, 0.975)]
+    assert agreement(census, truth, "x", seed=5).regret_interval == pytest.approx(ends)
+    assert ends[0] < ends[1]
 
 
 @pytest.mark.filterwarnings("ignore:An input array is constant")
@@ -73,7 +92,10 @@ def test_each_doubt_is_said() -> None:
     assert said.startswith(
         "Do not trust the ranking without labels yet: over 8 networks it ranks as bad-3.0 on hazy-road"
     )
+    low, high = weak.interval
+    assert low < 0.6
     for part in (
+        f"({low:.2f} to {high:.2f}, its lower end expected at 0.6 or more), and its pick is 2.00 (",
         "2 pairs can be overfitted",
         "with a correlation of 0.30",
         "10 % of the pixels have texture",
