@@ -172,8 +172,8 @@ HEAD = """## Search without ground truth
 `{command}`: base and all 15 merges of the four real AnyNet sources, each pair alone, with the
 propagation stage and without. `census` sees the two images and the prediction; the true error is bad-1.0
 over all pixels with ground truth, which it never sees. The KITTI 2012 pair belongs to the sources'
-training images. VirtualKITTI2's frames, which lie beside these pairs, are left out here and where sources' frames
-are ranked. They are images only: without depth there is no true error to compare with."""
+training images. VirtualKITTI2's frames, which lie beside these pairs, are left out here and where
+sources' frames are ranked. They are images only: without depth there is no true error to compare with."""
 GUIDED = """### Both stages guided without labels
 
 `{command}`: bad-1.0 in percent on each pair, over all pixels with ground truth. The unlabelled
