@@ -3,7 +3,9 @@
 It follows names from the builder: methods, bases, class attributes, functions and classes they call,
 defaults, closures and constants, in the state in which they are in memory, so that an edited cell or a
 reloaded module counts at once and a file that was edited but not reloaded does not. Of installed packages
-the version counts, unless the builder itself belongs to one. Names that only ``getattr`` finds are not seen.
+the version counts, unless the builder itself belongs to one. Names that only ``getattr``, ``globals()`` or
+``sys.modules`` find are not seen, nor what a network reads from files and the environment when it runs:
+``version`` is for those.
 """
 
 from __future__ import annotations
@@ -59,13 +61,14 @@ _FIELDS = {
     types.MethodType: ("__func__", "__self__"),
 }
 _born_empty: dict[int, object] = {}
+_FILLING = {"append", "extend", "insert", "add", "update", "setdefault", "appendleft"}
 
 
 def code_identity(architecture: str, builder: Callable[..., nn.Module], *further: object) -> str:
     """The digest of what ``builder`` (and ``further`` functions) reach, as it is now.
 
-    A list, dictionary or set that was empty when it was first met counts as what a run fills (a cache or a
-    counter), and never changes the digest; other data counts by content.
+    A list, dictionary or set that was empty when it was first met, and that the code itself seems to fill,
+    counts as a cache and never changes the digest; other data counts by content.
 
     Raises:
         InputError: something is reached whose state cannot be told; it is named.
@@ -73,6 +76,7 @@ def code_identity(architecture: str, builder: Callable[..., nn.Module], *further
     walk = _Walk(architecture, _package(getattr(_innermost(builder), "__module__", "")))
     for root in (builder, *further):
         walk.take(root, "builder")
+    walk.settle()
     return walk.digest.hexdigest()[:16]
 
 
@@ -89,6 +93,10 @@ class _Walk:
         self.digest = hashlib.sha256(f"python {sys.version_info[0]}.{sys.version_info[1]}".encode())
         self.seen: dict[int, int] = {}
         self.held: list[object] = []  # so that no id is used twice
+        self.filled: set[str] = set()  # names that code which fills containers uses
+        self.undecided: list[
+            tuple[str, Any]
+        ] = []  # containers that were empty once, by how they were reached
 
     def say(self, *words: object) -> None:
         self.digest.update("\0".join(map(str, words)).encode("utf-8", "surrogatepass") + b"\n")
@@ -111,7 +119,7 @@ class _Walk:
         if isinstance(value, type):
             return self.type(value, path)
         if isinstance(value, torch.Tensor):
-            flat = value.detach().cpu().contiguous().reshape(-1)
+            flat = value.detach().cpu().resolve_conj().resolve_neg().contiguous().reshape(-1)
             raw = flat.view(torch.uint8) if flat.numel() else flat
             self.say("tensor", value.dtype, tuple(value.shape), hashlib.sha256(raw.numpy().data).hexdigest())
             return None
@@ -143,6 +151,7 @@ class _Walk:
             code.co_posonlyargcount,
             code.co_flags,
         )
+        self.filled |= _filled_names(code)
         for constant in code.co_consts:
             if isinstance(constant, types.CodeType):
                 self.code(constant, names, f"{path}.{constant.co_name}")
@@ -194,7 +203,22 @@ class _Walk:
         if not values and isinstance(values, list | set | dict):
             _born_empty.setdefault(id(values), values)
         if id(values) in _born_empty:
+            self.undecided.append((path, values))
             return
+        self.content(values, path)
+
+    def settle(self) -> None:
+        """Take in what was empty once and no code fills: a setting that was made later.
+
+        Decided at the end, when all code is known. A default of a function is its own cache.
+        """
+        while self.undecided:
+            path, values = self.undecided.pop(0)
+            if values and not path.endswith("'s defaults") and path.rpartition(".")[2] not in self.filled:
+                self.say("set later", path)
+                self.content(values, path)
+
+    def content(self, values: Any, path: str) -> None:
         if isinstance(values, set | frozenset):
             try:
                 values = sorted(values, key=lambda value: (type(value).__name__, repr(value)))
@@ -292,6 +316,26 @@ def _installed(package: str) -> str:
         return metadata.version(names[0])
     except metadata.PackageNotFoundError:
         return "installed"
+
+
+@functools.cache
+def _filled_names(code: types.CodeType) -> frozenset[str]:
+    """Names that stand in lines which put something into a container, or give such a line its local names."""
+    lines: list[tuple[set[str], set[str], bool]] = []  # names read, local names set, whether it fills
+    for step in dis.get_instructions(code):
+        if step.starts_line is not None or not lines:
+            lines.append((set(), set(), False))
+        read, made, fills = lines[-1]
+        if step.opname == "STORE_FAST":
+            made.add(step.argval)
+        elif isinstance(step.argval, str):
+            read.add(step.argval)
+        fills = fills or step.opname in ("STORE_SUBSCR", "STORE_SLICE") or step.argval in _FILLING
+        lines[-1] = (read, made, fills)
+    found = {name for read, _, fills in lines if fills for name in read}
+    while more := {name for read, made, _ in lines if made & found for name in read} - found:
+        found |= more
+    return frozenset(found)
 
 
 @functools.cache

@@ -20,7 +20,11 @@ def tensor_digest(tensor: torch.Tensor) -> str:
     """Digest of one tensor's dtype, shape and bytes."""
     import torch
 
-    flat = tensor.detach().contiguous().reshape(-1).view(torch.uint8).numpy().data if tensor.numel() else b""
+    if not tensor.numel():
+        return content_digest(str(tensor.dtype), tuple(tensor.shape), b"")
+    # Of a view that is negated or conjugated, the bytes it stands for.
+    plain = tensor.detach().resolve_conj().resolve_neg().contiguous().reshape(-1)
+    flat = plain.view(torch.uint8).numpy().data
     return content_digest(str(tensor.dtype), tuple(tensor.shape), flat)
 
 

@@ -107,6 +107,23 @@ def test_what_is_not_reached_and_what_a_run_fills_does_not_count() -> None:
     assert code_identity("mine", held["Net"]) == first
 
 
+def test_a_setting_that_was_empty_at_first_counts_once_it_is_made() -> None:
+    read_only = NETWORK.replace("* FACTOR", "* GAINS.get('gain', FACTOR)").replace(
+        "FACTOR = 1.0", "FACTOR, GAINS = 1.0, {}"
+    )
+    held = cell(read_only.replace("    extra = 0.0", "    extra, taps = 0.0, []"))
+    first = code_identity("mine", held["Net"])
+    held["GAINS"]["gain"] = 0.01
+    second = code_identity("mine", held["Net"])
+    assert second != first
+    held["Net"].taps.append(1)
+    assert code_identity("mine", held["Net"]) not in (first, second)
+    held["Net"].taps.clear()
+    assert code_identity("mine", held["Net"]) == second
+    held["GAINS"].clear()
+    assert code_identity("mine", held["Net"]) == first
+
+
 def test_a_module_beside_counts_by_what_is_called_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
