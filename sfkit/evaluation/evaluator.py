@@ -77,6 +77,8 @@ class Evaluator:
         self.pool = pool
         self.benchmark = benchmark
         self.metric = Metric.parse(metric or benchmark.metric)
+        if not isinstance(store, EvaluationStore | None):
+            raise InputError(f"store: found {store!r}, expected an EvaluationStore: EvaluationStore(path)")
         self.store = EvaluationStore(":memory:") if store is None else store
         self.retry_failed = retry_failed
         self.splits: tuple[frozenset[int], ...] = ()

@@ -43,7 +43,7 @@ export function archivePanel(now, jump) {
   panel.append(element("h4", {}, `The best ${now.archive.length} subsets of all generations`));
   if (!now.archive.length) panel.append(element("p", {}, "No subset has a score yet."));
   const best = now.archive.map((number, n) => line(now, number, String(n + 1), jump));
-  panel.append(...best);
+  panel.append(element("div", { class: "sfkit-population-best" }, ...best));
   return panel;
 }
 
