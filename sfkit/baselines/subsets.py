@@ -17,6 +17,7 @@ from sfkit.search import (
     SubsetSettings,
 )
 from sfkit.search.averaging import AVERAGED, averaged_winner, check_averaging
+from sfkit.search.checks import check_resamples
 from sfkit.streams import Stream, generator
 
 MOST = 4096
@@ -70,19 +71,53 @@ def exhaustive(trials: Trials, *, most: int = MOST) -> Choice:
 
 
 @baseline("stage1", label="Stage 1", paper=f"{STEREOFACTORY}, Algorithm 1")
-def stage1(trials: Trials, *, population: int = 50, generations: int = 15, seed: int = 0) -> Choice:
-    """The genetic algorithm over subsets, merged with equal weights."""
-    _, best = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
+def stage1(
+    trials: Trials,
+    *,
+    population: int = 50,
+    generations: int = 15,
+    seed: int = 0,
+    which: SubsetSettings | None = None,
+) -> Choice:
+    """The genetic algorithm over subsets, merged with equal weights.
+
+    Args:
+        trials: the run.
+        population: M.
+        generations: T_1.
+        seed: of the draws.
+        which: all settings of Stage 1, in place of these three.
+    """
+    which = which or SubsetSettings(population=population, generations=generations, seed=seed)
+    _, best = _stage1(trials, which)
     return Choice(best.recipe, settings={"subset": best.subset})
 
 
 @baseline("stage1_2", label="Stage 1+2", paper=f"{STEREOFACTORY}, Algorithms 1 and 2")
 def stage1_2(
-    trials: Trials, *, population: int = 50, generations: int = 15, evaluations: int = 300, seed: int = 0
+    trials: Trials,
+    *,
+    population: int = 50,
+    generations: int = 15,
+    evaluations: int = 300,
+    seed: int = 0,
+    which: SubsetSettings | None = None,
+    how: RoutingSettings | None = None,
 ) -> Choice:
-    """Stage 1, then CMA-ES over routing weights and module scales; its evaluations are those of both."""
-    _, first = _stage1(trials, SubsetSettings(population=population, generations=generations, seed=seed))
-    _, best = _stage2(trials, first.subset, RoutingSettings(evaluations=evaluations, seed=seed))
+    """Stage 1, then CMA-ES over routing weights and module scales; its evaluations are those of both.
+
+    Args:
+        trials: the run.
+        population: M.
+        generations: T_1.
+        evaluations: N_eval.
+        seed: of the draws of both stages.
+        which: all settings of Stage 1, in place of those above.
+        how: all settings of Stage 2, in place of those above.
+    """
+    which = which or SubsetSettings(population=population, generations=generations, seed=seed)
+    _, first = _stage1(trials, which)
+    _, best = _stage2(trials, first.subset, how or RoutingSettings(evaluations=evaluations, seed=seed))
     return Choice(best.recipe, settings={"subset": first.subset})
 
 
@@ -95,18 +130,33 @@ def averaged(
     evaluations: int = 300,
     resamples: int = 200,
     seed: int = 0,
+    which: SubsetSettings | None = None,
+    how: RoutingSettings | None = None,
 ) -> Choice:
     """Both stages, then the average of what wins resamples of the validation pairs: one evaluation more.
 
+    Args:
+        trials: the run.
+        population: M.
+        generations: T_1.
+        evaluations: N_eval.
+        resamples: of the validation pairs.
+        seed: of the draws of both stages, and of the resamples.
+        which: all settings of Stage 1, in place of those above.
+        how: all settings of Stage 2, in place of those above.
+
     Raises:
-        InputError: as :func:`~sfkit.search.averaging.averaged_winner`, before either stage begins.
+        InputError: as :func:`~sfkit.search.averaging.averaged_winner`, before either stage begins, or a
+            setting that no average can keep to, such as a hold-out.
     """
+    how = how or RoutingSettings(evaluations=evaluations, seed=seed)
     check_averaging(trials.validation)
-    settings = SubsetSettings(population=population, generations=generations, seed=seed)
-    which, best = _stage1(trials, settings)
-    how, _ = _stage2(trials, best.subset, RoutingSettings(evaluations=evaluations, seed=seed))
+    check_resamples(resamples, how)
+    which = which or SubsetSettings(population=population, generations=generations, seed=seed)
+    first, best = _stage1(trials, which)
+    second, _ = _stage2(trials, best.subset, how)
     # Both stages were scored pair by pair: what wins a resample is known without another evaluation.
-    found = averaged_winner([which, how], trials.validation, resamples, seed=seed)
+    found = averaged_winner([first, second], trials.validation, resamples, seed=seed)
     trials.score([found.recipe], [{"stage": "average"}])
     return Choice(found.recipe, settings={"winners": len(found.wins)})
 

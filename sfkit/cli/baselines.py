@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,7 +17,7 @@ from sfkit.cli.foreseen import roster_of
 from sfkit.cli.groups import names
 from sfkit.cli.options import ForceOption, JsonOption, PoolArgument, StoreOption, emit, pool_of
 from sfkit.cli.outputs import Places
-from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Budget, Stage2Budget
+from sfkit.cli.panels import BenchmarkOptions, ComputeOptions, GuidanceOptions, Stage1Settings, Stage2Settings
 from sfkit.cli.terminal import Bars
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, trust_entry, trust_lines
 from sfkit.errors import InputError, ensure_known
@@ -43,8 +44,8 @@ def baselines(
     pool: PoolArgument,
     data: BenchmarkOptions,
     guidance: GuidanceOptions,
-    stage1: Stage1Budget,
-    stage2: Stage2Budget,
+    stage1: Stage1Settings,
+    stage2: Stage2Settings,
     compute: ComputeOptions,
     methods: Annotated[
         str | None,
@@ -65,6 +66,7 @@ def baselines(
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --store scores.sqlite
       sfkit baselines bank --benchmark bank:courtyard --names uniform,task_arithmetic,ties --seed 1
       sfkit baselines pool.toml -b pairs -r ~/pairs --names dare,stage1 --population 20 --json
+      sfkit baselines pool.toml -b pairs -r ~/pairs --names stage1,stage1_2 --mutation 0.5 --sigma 0.25
       sfkit baselines pool.toml -b eth3d -r ~/ETH3D --also kitti2012,root=~/KITTI --combine worst
       sfkit baselines pool.toml -b unlabelled -r ~/drive --every 20 --names uniform,adamerging,stage1
     """
@@ -78,6 +80,7 @@ def baselines(
     from sfkit.baselines import baseline_table, run_baselines
     from sfkit.evaluation.table import write_table
 
+    both = {"which": stage1, "how": stage2}
     opened = pool_of(pool)
     guide = guide_of(opened, guides, combine, compute)
     with scoring(opened, guide, store) as (evaluators, scorer), Bars() as bars:
@@ -96,6 +99,7 @@ def baselines(
             population=stage1.population,
             generations=stage1.generations,
             evaluations=stage2.evaluations,
+            settings={"stage1": {"which": stage1}, "stage1_2": both, "averaged": both},
             progress=advance,
         )
         best = min(run.results.values(), key=lambda one: one.score, default=None)
@@ -110,6 +114,8 @@ def baselines(
         "metric": str(evaluators[0].metric),
         "unit": evaluators[0].metric.unit,
         "seed": stage1.seed,
+        "stage1": asdict(stage1),
+        "stage2": asdict(stage2),
         "baselines": [_entry(result) for result in run.results.values()],
         "skipped": run.skipped,
     }

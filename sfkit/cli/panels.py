@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -106,6 +106,11 @@ def _given(**values: Any) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
+def _routing(**values: Any) -> RoutingSettings:
+    # A rank is for blocks that are not tied.
+    return RoutingSettings(**{**values, "tied": values["tied"] and values["rank"] is None})
+
+
 _ROOT = {"csv": "Its folder is the root."}
 FolderOptions = Annotated[FolderChoice, Group(FolderChoice, "Folder", notes=_ROOT)]
 _BENCHMARK = Group(BenchmarkChoice, "Benchmark", notes=_ROOT)
@@ -141,8 +146,14 @@ Stage2Options = Annotated[
 ]
 ConstraintOptions = Annotated[Constraints, Group(Constraints, "Limits of both stages")]
 
-_BUDGETS = "Budgets"
-Stage1Budget = Annotated[
-    SubsetSettings, Group(SubsetSettings, _BUDGETS, only=("population", "generations", "seed"))
+Stage1Settings = Annotated[SubsetSettings, Group(SubsetSettings, "Stage 1, as a method")]
+# Of both stages alone: a method starts where Stage 1 ended, and leaving Stage 2 out is a method of its own.
+Stage2Settings = Annotated[
+    RoutingSettings,
+    Group(
+        RoutingSettings,
+        "Stage 2, as a method",
+        make=_routing,
+        only=tuple(entry.name for entry in fields(RoutingSettings) if entry.name != "floor"),
+    ),
 ]
-Stage2Budget = Annotated[RoutingSettings, Group(RoutingSettings, _BUDGETS, only=("evaluations", "seed"))]

@@ -13,6 +13,7 @@ from sfkit import baselines
 from sfkit.errors import InputError
 from sfkit.evaluation import EvaluationStore, Evaluator, pivot
 from sfkit.merging import Pool
+from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
 
 # Levels in pixels, of a base of 5 px: task vectors of -1, 7 and 4 px.
 LEVELS = {"a": 4.0, "b": 12.0, "c": 9.0}
@@ -130,6 +131,24 @@ def test_both_stages_are_entries_like_the_others(pool: Pool, eights: Evaluator) 
     assert run.results["random_subsets"].evaluations <= run.results["stage1"].evaluations
     assert run.results["stage1_2"].evaluations > run.results["stage1"].evaluations
     assert set(run.results["stage1_2"].history["stage"]) == {"Stage 1", "Stage 2"}
+
+
+def test_the_stages_take_all_their_settings(pool: Pool, eights: Evaluator) -> None:
+    """As the searches themselves do, which know nothing of methods."""
+    which = SubsetSettings(population=4, generations=2, crossover=0.1, mutation=0.9, seed=3)
+    how = RoutingSettings(evaluations=9, sigma=0.2, gamma=(0.5, 1.5), tied=False, seed=5)
+    first = SubsetSearch(pool.names, pool.blocks, eights, which)
+    subset = first.run().subset
+    second = RoutingSearch(subset, pool.blocks, eights, how)
+    found = baselines.stage1_2(pool, eights, population=50, evaluations=300, which=which, how=how)
+    assert found.recipe == second.run().recipe
+    assert (
+        found.settings["subset"] == baselines.stage1(pool, eights, which=which).settings["subset"] == subset
+    )
+    drawn = found.history[found.history["stage"] == "Stage 2"]
+    assert drawn["score"].tolist() == second.history["score"].tolist()
+    with pytest.raises(InputError, match=r"resamples: found shrinkage 0\.1"):
+        baselines.averaged(pool, eights, how=RoutingSettings(shrinkage=0.1))
 
 
 def test_what_does_not_suit_is_skipped_with_its_reason_unless_it_was_named(

@@ -123,6 +123,20 @@ def test_baselines(shell: Shell, world: Path) -> None:
     assert "4 of 4 methods done" in progress
 
 
+def test_the_stages_are_set_as_in_a_search(shell: Shell) -> None:
+    told = "--population 4 --generations 2 --crossover 0.2 --mutation 0.9 --seed 3"
+    told += " --evaluations 6 --sigma 0.2 --rank 1"
+    document = shell.json(f"baselines pool {PAIRS} --names stage1,stage1_2 {told}")
+    which, both = (row["score"] for row in document["baselines"])
+    found = shell.json(f"search pool {PAIRS} {told} --yes --out found")
+    assert (which, both) == (found["stage1"], found["stage2"])
+    assert both < which, "so that settings of Stage 2 are seen"
+    assert (document["stage1"]["crossover"], document["stage1"]["mutation"]) == (0.2, 0.9)
+    assert (document["stage2"]["rank"], document["stage2"]["tied"]) == (1, False)
+    _, refused = shell(f"baselines pool {PAIRS} --evaluations 0", 2)
+    assert "evaluations: found 0, expected a whole number of at least 1" in refused
+
+
 def test_baselines_on_two_benchmarks_take_their_worst(shell: Shell, world: Path) -> None:
     write_pairs(world / "more", 3)
     line = f"baselines pool {PAIRS} --names uniform --also pairs,root=more"
