@@ -34,6 +34,16 @@ def problems(sample: Sample, *, labelled: bool = True) -> tuple[str, ...]:
     return tuple(found)
 
 
+def unexplained(sample: Sample) -> tuple[str, ...]:
+    """Whether the ground truth says anything about the images at all, which a closer look takes; at most one
+    sentence.
+    """
+    if not np.isfinite(sample.disparity).any() or np.array_equal(sample.left, sample.right):
+        return ()
+    found = check_ground_truth(sample.left, sample.right, sample.disparity).unexplained
+    return (found,) if found else ()
+
+
 def warnings(sample: Sample, pixels: int = PIXELS) -> tuple[str, ...]:
     """What looks wrong but need not be, one sentence each; ``pixels`` at most are compared in the images."""
     found: list[str] = []
