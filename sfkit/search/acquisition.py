@@ -1,4 +1,8 @@
-"""Where a bound over subsets is smallest: all of them looked through, or the operators of Stage 1 at work."""
+"""Where a bound over subsets is smallest: all of them looked through, or the operators of Stage 1 at work.
+
+A batch takes smallest bounds one after the other, each by a model that believes in those before it; draws of
+the posterior in their place (Thompson sampling) needed more (``benchmarks/sections/thompson.py``).
+"""
 
 from __future__ import annotations
 
