@@ -15,7 +15,7 @@ from the other end. What was tried before this became the definition is in docs/
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -128,7 +128,8 @@ class CensusTarget:
         import torch
 
         map_ = self._tensor(disparity)
-        if not bool(torch.isfinite(map_).all()):
+        # A finite sum has finite terms only; asking each takes an eighth of the whole on a CPU.
+        if not bool(torch.isfinite(map_.sum())) and not bool(torch.isfinite(map_).all()):
             return Residual(CHANCE, 0.0)
         shares, inside = [], 0.0
         for level in self._levels:
@@ -236,25 +237,24 @@ def _warped(right: torch.Tensor, disparity: torch.Tensor) -> tuple[torch.Tensor,
     import torch
 
     last = right.shape[1] - 1
-    match = torch.arange(last + 1, dtype=torch.float32, device=right.device) - disparity
-    inside = (match >= 0) & (match <= last)
-    match = match.clamp_(0, last)
+    wanted = torch.arange(last + 1, dtype=torch.float32, device=right.device) - disparity
+    match = wanted.clamp(0, last)
+    # What clamping leaves alone lies inside: one comparison, where both ends would take three steps.
+    inside = match == wanted
     # One column short of the last, so that there is always a next one to interpolate with.
     whole = match.floor().clamp_(max=last - 1)
     part = match.sub_(whole)
     column = whole.long()
     near = right.gather(1, column)
-    return near + part * (right.gather(1, column.add_(1)) - near), inside
+    return right[:, 1:].gather(1, column).sub_(near).mul_(part).add_(near), inside
 
 
-def _bits(image: torch.Tensor, scale: CensusScale) -> list[torch.Tensor]:
+def _bits(image: torch.Tensor, scale: CensusScale) -> Iterator[torch.Tensor]:
     """Whether each neighbour is brighter, (h, w) bool each, of pixels with a whole window."""
     margin, (height, width) = scale.margin, image.shape
     centre = image[margin : height - margin, margin : width - margin]
-    return [
-        image[margin + dy : height - margin + dy, margin + dx : width - margin + dx] > centre
-        for dy, dx in scale.offsets
-    ]
+    for dy, dx in scale.offsets:
+        yield image[margin + dy : height - margin + dy, margin + dx : width - margin + dx] > centre
 
 
 def _recorder(sample: Sample, valid: Mask, device: str) -> Count:
