@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.digests import file_digest
@@ -12,7 +13,9 @@ from sfkit.datasets.metric import Metric
 from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.datasets.training_set import FilePair
 from sfkit.errors import InputError
-from sfkit.merging.pool import Pool
+
+if TYPE_CHECKING:  # the command line refuses --test before torch is imported
+    from sfkit.merging.pool import Pool
 
 GUIDED = "*"
 """Stands behind the name of what guided a search: its scores are no test."""
