@@ -21,6 +21,8 @@ from sfkit.merging.known import Relations, architecture_of, relations
 from sfkit.merging.origin import Origin, read_origin
 from sfkit.merging.recipe import Recipe
 from sfkit.merging.steps import describe
+from sfkit.outside import parse_json, table
+from sfkit.training.places import TRAINED
 
 STORE_SUFFIXES = (".sqlite", ".db")
 
@@ -62,10 +64,11 @@ def inspect_file(path: str | Path) -> Description:
 
 
 def _network(path: Path) -> Description:
-    tensors, digests, layout = _tensors(path)
+    tensors, digests, layout, texts = _tensors(path)
     elements = sum(math.prod(tensor.shape) for tensor in tensors.values())
     identity = fingerprint(digests)
     origin = read_origin(path)
+    training = _training(path, texts)
     names = _architectures(path, tensors, origin)
     document = {
         "kind": "merged network" if origin else "checkpoint",
@@ -77,6 +80,7 @@ def _network(path: Path) -> Description:
         "layout": {"container": layout.container, "prefix": layout.prefix},
         "architectures": names,
         "origin": _origin(origin) if origin else None,
+        "training": training,
     }
     lines = [
         f"{path}: {document['kind']}, {len(tensors)} tensors, {elements:,} elements",
@@ -84,7 +88,8 @@ def _network(path: Path) -> Description:
         f"  fingerprint: {identity[:12]}",
         f"  layout: {layout.container or 'bare state dict'}, prefix {layout.prefix or 'none'}",
     ]
-    return Description(document, "\n".join([*lines, *(_origin_lines(origin) if origin else ())]))
+    made = _origin_lines(origin) if origin else [] if training is None else _training_lines(training)
+    return Description(document, "\n".join([*lines, *made]))
 
 
 def _architectures(path: Path, tensors: Mapping[str, TensorPlace], origin: Origin | None) -> list[str]:
@@ -121,16 +126,45 @@ def _folder(folder: Path) -> Description:
     return Description(document, "\n".join(lines))
 
 
-def _tensors(path: Path) -> tuple[Mapping[str, TensorPlace], dict[str, str], Layout]:
-    """Bare key -> tensor, bare key -> digest, and the layout; without torch where nothing is unusual."""
+def _tensors(path: Path) -> tuple[Mapping[str, TensorPlace], dict[str, str], Layout, Mapping[str, str]]:
+    """Bare key -> tensor, bare key -> digest, layout and text entries; without torch where nothing is
+    unusual.
+    """
     if stored := stored_file(path):
-        return stored.places, stored.digests(), stored.layout
+        return stored.places, stored.digests(), stored.layout, stored.metadata
     from sfkit.checkpoints.reading import read_checkpoint
 
     file = read_checkpoint(path)
     held = file.tensors.items()
     places = {key: TensorPlace(str(tensor.dtype), tuple(tensor.shape), 0, 0) for key, tensor in held}
-    return places, {key: tensor_digest(tensor) for key, tensor in held}, file.layout
+    return places, {key: tensor_digest(tensor) for key, tensor in held}, file.layout, file.metadata
+
+
+def _training(path: Path, texts: Mapping[str, str]) -> dict[str, Any] | None:
+    """How ``sfkit finetune`` made a file, as it says; None where it says nothing."""
+    if TRAINED not in texts:
+        return None
+    where = f"{path}: its {TRAINED} entry"
+    return table(parse_json(texts[TRAINED], where, "was it edited?"), where)
+
+
+def _training_lines(training: Mapping[str, Any]) -> list[str]:
+    def part(name: str) -> Mapping[str, Any]:
+        found = training.get(name)
+        return found if isinstance(found, Mapping) else {}
+
+    data, base, settings = part("data"), part("base"), part("settings")
+    of = "" if data.get("expected") is None else f" of {data['expected']}"
+    start = (
+        f"{base['file']} ({str(base.get('fingerprint'))[:12]})" if base.get("file") else "none, drawn anew"
+    )
+    return [
+        f"  trained by sfkit {part('versions').get('sfkit')} on {data.get('name')}, "
+        f"{data.get('pairs')}{of} pairs: {training.get('steps')} steps of {settings.get('batch')}, seed "
+        f"{settings.get('seed')}",
+        f"  base: {start}, licence: {base.get('licence') or 'not stated'}",
+        f"  licence: {training.get('licence') or 'not stated'}",
+    ]
 
 
 def _origin(origin: Origin) -> dict[str, Any]:

@@ -93,7 +93,8 @@ class Augmentation:
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """One fine-tuning. The defaults are the paper's, and where it is silent docs/training.md's.
+    """One fine-tuning. The defaults are the paper's; where it is silent, docs/how_to/fine_tuning.md
+    says whose.
 
     Attributes:
         epochs: passes over the training set.

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from safetensors.torch import load_file
+from safetensors.torch import load_file, save_file
 from tiny import write_pool
 
 import sfkit
@@ -29,6 +29,7 @@ from sfkit.datasets.formats import write_png
 from sfkit.errors import InputError
 from sfkit.training.places import TRAINED
 
+TRAINED_FILE = sfkit.bank.pool_path("bank-sharp").with_name("haze.safetensors")
 HEAVY = (
     "torch",
     "pydantic",
@@ -58,10 +59,30 @@ def test_what_comes_with_sfkit_is_known_by_name_before_torch_is_imported() -> No
 
 
 def test_a_network_that_sfkit_trained_says_its_architecture_to_those_who_train_on() -> None:
-    trained = sfkit.bank.pool_path("bank-sharp").with_name("haze.safetensors")
-    assert ensure_loadable(trained, None, None, trained=TRAINED) == {}
+    assert ensure_loadable(TRAINED_FILE, None, None, trained=TRAINED) == {}
     with pytest.raises(InputError, match="--architecture"):
-        ensure_loadable(trained, None, None)
+        ensure_loadable(TRAINED_FILE, None, None)
+
+
+def test_show_tells_how_a_source_was_trained(tmp_path: Path) -> None:
+    shown = inspect_file(TRAINED_FILE)
+    assert shown.document["training"] == json.loads(read_texts(TRAINED_FILE)[TRAINED])
+    base = inspect_file(TRAINED_FILE.with_name("base.safetensors")).document["fingerprint"]
+    assert shown.text.splitlines()[4:] == [
+        "  trained by sfkit 0.1.0 on haze, 400 of 400 pairs: 500 steps of 8, seed 1",
+        f"  base: base.safetensors ({base[:12]}), licence: Apache-2.0",
+        "  licence: Apache-2.0",
+    ]
+    tensors = load_file(TRAINED_FILE)
+    save_file(tensors, tmp_path / "short.safetensors", metadata={TRAINED: "{}"})
+    assert (
+        "  base: none, drawn anew, licence: not stated" in inspect_file(tmp_path / "short.safetensors").text
+    )
+    save_file(tensors, tmp_path / "edited.safetensors", metadata={TRAINED: "{"})
+    with pytest.raises(InputError, match=r"edited\.safetensors: its sfkit\.training entry.*was it edited"):
+        inspect_file(tmp_path / "edited.safetensors")
+    save_file(tensors, tmp_path / "plain.safetensors")
+    assert inspect_file(tmp_path / "plain.safetensors").document["training"] is None
 
 
 def write_torch_files(pool: Path, folder: Path) -> None:
@@ -131,6 +152,7 @@ def test_help_usage_errors_and_show_import_nothing_heavy(tmp_path: Path) -> None
         "finetune --help": 0,
         "show nothing.json": 2,
         f"show {tmp_path / 'net.safetensors'}": 0,
+        f"show {TRAINED_FILE}": 0,
         f"show {tmp_path / 'pool.toml'}": 0,
         f"show {tmp_path / 'pool' / 'a.safetensors'}": 0,
         f"show {tmp_path / 'torch' / 'a.tar'}": 0,
