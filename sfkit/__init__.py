@@ -1,6 +1,6 @@
 """sfkit: merge stereo-matching networks, after the paper StereoFactory.
 
-Open a pool, search which sources to merge (Stage 1) and how (Stage 2), write one network::
+Open a pool, search which sources to merge (Stage 1) and how (Stage 2), write one network:
 
     import sfkit
 
