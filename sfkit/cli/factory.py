@@ -155,17 +155,22 @@ def status(file: FactoryArgument, json: JsonOption = False) -> None:
     from sfkit.factory.file import read_factory
 
     factory = read_factory(file)
-    from sfkit.factory import most_evaluations
+    from sfkit.factory import most_evaluations, search_seconds
     from sfkit.factory import status as factory_status
 
     items = factory_status(factory)
     lines = [f"{'network':24s} {'state':8s} {'steps':>8s} {'seconds':>9s}"]
     lines += [
-        f"{i.name:24s} {i.state:8s} {i.steps:8d} {'-' if i.seconds is None else f'{i.seconds:.0f}':>9s}"
+        f"{i.name:24s} {i.state:8s} {i.steps:8d} {'unknown' if i.seconds is None else f'{i.seconds:.0f}':>9s}"
         for i in items
     ]
+    if any(i.seconds is None for i in items):
+        lines.append(
+            "seconds are unknown until one network is trained here, whose pace says those of the others"
+        )
     guides = ", ".join(guide.name for guide in factory.validation)
-    most = most_evaluations(factory)
-    lines.append(f"search: at most {most} evaluations on {guides}")
-    document = {"networks": [asdict(i) for i in items], "evaluations": most}
+    most, took = most_evaluations(factory), search_seconds(factory)
+    cost = "its seconds are unknown until it has run" if took is None else f"the last one took {took:.0f} s"
+    lines.append(f"search: at most {most} evaluations on {guides}; {cost}")
+    document = {"networks": [asdict(i) for i in items], "evaluations": most, "search_seconds": took}
     emit(document, "\n".join(lines), as_json=json)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
@@ -9,7 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sfkit.factory.file import Factory, Order
+from sfkit.factory.file import SEARCHED, Factory, Order
+from sfkit.factory.outputs import COSTS
 from sfkit.training.finetune import intended, starting_point
 from sfkit.training.places import training_folder
 
@@ -23,7 +25,8 @@ class Item:
 
     Attributes:
         name: the source's, or ``joint``.
-        state: ``done``, ``begun`` (it goes on), ``stale`` (of another base, data or recipe) or ``missing``.
+        state: ``done``, ``begun`` (running, or stopped and going on with the next run), ``stale`` (of
+            another base, data or recipe) or ``missing``.
         file: where it is, or will be. Its name says what it was made from, so a stale one stays beside it.
         steps: of its training.
         seconds: what it cost, or is expected to cost by the pace of those done; None where none is done.
@@ -37,7 +40,12 @@ class Item:
 
 
 def status(factory: Factory) -> tuple[Item, ...]:
-    """All networks of a factory, sources first; nothing is trained."""
+    """All networks of a factory, sources first; nothing is trained.
+
+    Data on disk is told from other data by ids, codings and file sizes (``TrainingSet.fingerprint``): a
+    million files are not read for it, and times of change, which a copy to another machine need not keep,
+    play no part. A file that was edited to the very same size leaves its source ``done``.
+    """
     items = [_item(name, *place) for name, place in files_of(factory).items()]
     # Of those that are done here: machines differ.
     paces = [item.seconds / item.steps for item in items if item.seconds is not None]
@@ -53,6 +61,15 @@ def status(factory: Factory) -> tuple[Item, ...]:
 def most_evaluations(factory: Factory) -> int:
     """The most evaluations the search can ask for, as the search itself says before it starts."""
     return factory.plan.evaluations([order.name for order in factory.orders], ("all",))
+
+
+def search_seconds(factory: Factory) -> float | None:
+    """What the factory's last search took, as its table of costs says; None before the first."""
+    table = factory.out / COSTS
+    if not table.is_file():
+        return None
+    rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
+    return next((float(row["seconds"]) for row in rows if row["part"] == SEARCHED), None)
 
 
 def files_of(

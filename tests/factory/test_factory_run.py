@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from factory_files import write
-from safetensors.torch import load_file
+from safetensors.torch import load_file, save_file
 from typer.testing import CliRunner
 
 import sfkit
@@ -70,7 +70,8 @@ def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
         ["far-scene", "done"],
         ["joint", "done"],
     ]
-    assert listed.splitlines()[4] == "search: at most 1 evaluations on courtyard"
+    took = f"the last one took {made.costs[3].seconds:.0f} s"
+    assert listed.splitlines()[4] == f"search: at most 1 evaluations on courtyard; {took}"
 
     grown = run(read_factory(write(tmp_path, "haze", "far-scene", "thin-things")))
     assert grown.trained == ("thin-things",)
@@ -90,6 +91,27 @@ def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
 
     stale = status(read_factory(write(tmp_path, "haze", "far-scene", rate="training = { rate = 2e-4 }")))
     assert [item.state for item in stale] == [STALE, DONE]
+
+
+def test_other_data_and_another_base_make_a_source_stale_and_unknown_seconds_are_said(tmp_path: Path) -> None:
+    path = write(tmp_path, "haze")
+    listed = CliRunner().invoke(app, ["factory", "status", str(path)]).stdout.splitlines()
+    assert listed[1].split() == ["haze", "missing", "2", "unknown"]
+    assert listed[2].startswith("seconds are unknown until one network is trained")
+    assert listed[3].endswith("on courtyard; its seconds are unknown until it has run")
+
+    (item,) = status(read_factory(path))
+    item.file.parent.mkdir()
+    item.file.write_bytes(b"stands for the source")
+    assert [one.state for one in status(read_factory(path))] == [DONE]
+    text, base = path.read_text(), tmp_path / "base.safetensors"
+    path.write_text(text.replace('"bank:haze"\npairs = 2', '"bank:haze"\npairs = 3'))
+    assert [one.state for one in status(read_factory(path))] == [STALE]
+    path.write_text(text)
+    tensors = load_file(base)
+    key = next(key for key in tensors if key.endswith(".weight"))
+    save_file({**tensors, key: tensors[key] + 1}, base)
+    assert [one.state for one in status(read_factory(path))] == [STALE]
 
 
 def test_a_source_that_was_begun_goes_on_where_it_was(tmp_path: Path) -> None:
