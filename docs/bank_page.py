@@ -111,6 +111,8 @@ weights alone gain nothing on these 20 pairs.
 
     sfkit bank build bank-sharp            # into runs/bank-sharp: base, sources, joint network
 
+It calls `sfkit.finetune` for each network, as `sfkit finetune` and `sfkit factory` do; in a `factory.toml` a
+source of it is `data = "bank-sharp:haze"`, with the settings of `sfkit/bank/sharp.py` as `[training]`.
 Stopped at any moment it goes on where it was: states lie in `NAME.training`, every 100 steps, rendered pairs
 in `rendered` (6 GB in all). `pool.toml` is written when base and sources are there; called again it adds
 the joint network. The results depend on the code that trains: keep one copy of it for the whole bank.
