@@ -61,14 +61,15 @@ _FIELDS = {
     types.MethodType: ("__func__", "__self__"),
 }
 _born_empty: dict[int, object] = {}
-_FILLING = {"append", "extend", "insert", "add", "update", "setdefault", "appendleft"}
+_LOOKING = {"get", "items", "keys", "values", "index", "count", "copy"}
 
 
 def code_identity(architecture: str, builder: Callable[..., nn.Module], *further: object) -> str:
     """The digest of what ``builder`` (and ``further`` functions) reach, as it is now.
 
-    A list, dictionary or set that was empty when it was first met, and that the code itself seems to fill,
-    counts as a cache and never changes the digest; other data counts by content.
+    A list, dictionary or set that was empty when it was first met counts as what a run fills (a cache or a
+    counter), and never changes the digest, unless all code that is reached only looks things up in it: then
+    it is a setting. Other data counts by content.
 
     Raises:
         InputError: something is reached whose state cannot be told; it is named.
@@ -93,7 +94,8 @@ class _Walk:
         self.digest = hashlib.sha256(f"python {sys.version_info[0]}.{sys.version_info[1]}".encode())
         self.seen: dict[int, int] = {}
         self.held: list[object] = []  # so that no id is used twice
-        self.filled: set[str] = set()  # names that code which fills containers uses
+        self.looked: set[str] = set()  # names that code looks things up in
+        self.other: set[str] = set()  # names that it does something else with
         self.undecided: list[
             tuple[str, Any]
         ] = []  # containers that were empty once, by how they were reached
@@ -151,7 +153,9 @@ class _Walk:
             code.co_posonlyargcount,
             code.co_flags,
         )
-        self.filled |= _filled_names(code)
+        looked, other = _uses(code)
+        self.looked |= looked
+        self.other |= other
         for constant in code.co_consts:
             if isinstance(constant, types.CodeType):
                 self.code(constant, names, f"{path}.{constant.co_name}")
@@ -208,13 +212,14 @@ class _Walk:
         self.content(values, path)
 
     def settle(self) -> None:
-        """Take in what was empty once and no code fills: a setting that was made later.
+        """Take in what was empty once and is only looked up in: a setting that was made later.
 
-        Decided at the end, when all code is known. A default of a function is its own cache.
+        Decided at the end, when all code is known.
         """
         while self.undecided:
             path, values = self.undecided.pop(0)
-            if values and not path.endswith("'s defaults") and path.rpartition(".")[2] not in self.filled:
+            name = path.rpartition(".")[2]
+            if values and name in self.looked and name not in self.other:
                 self.say("set later", path)
                 self.content(values, path)
 
@@ -319,23 +324,25 @@ def _installed(package: str) -> str:
 
 
 @functools.cache
-def _filled_names(code: types.CodeType) -> frozenset[str]:
-    """Names that stand in lines which put something into a container, or give such a line its local names."""
-    lines: list[tuple[set[str], set[str], bool]] = []  # names read, local names set, whether it fills
-    for step in dis.get_instructions(code):
-        if step.starts_line is not None or not lines:
-            lines.append((set(), set(), False))
-        read, made, fills = lines[-1]
-        if step.opname == "STORE_FAST":
-            made.add(step.argval)
-        elif isinstance(step.argval, str):
-            read.add(step.argval)
-        fills = fills or step.opname in ("STORE_SUBSCR", "STORE_SLICE") or step.argval in _FILLING
-        lines[-1] = (read, made, fills)
-    found = {name for read, _, fills in lines if fills for name in read}
-    while more := {name for read, made, _ in lines if made & found for name in read} - found:
-        found |= more
-    return frozenset(found)
+def _uses(code: types.CodeType) -> tuple[frozenset[str], frozenset[str]]:
+    """Names that code only looks things up in, and those that it does anything else with.
+
+    ``C.get(k)``, ``C[k]`` of a plain key, ``k in C`` and a loop over ``C`` change nothing; whatever else
+    follows (a store, another method, an argument, another name) may fill what the name stands for.
+    """
+    steps = list(dis.get_instructions(code))
+    looked: set[str] = set()
+    other: set[str] = set()
+    # The last one, a return, stands in for what follows it.
+    for step, *after in zip(steps, [*steps[1:], steps[-1]], [*steps[2:], *steps[-1:] * 2], strict=True):
+        if step.opname.startswith("LOAD_") and step.opname != "LOAD_CONST" and isinstance(step.argval, str):
+            following, second = after
+            alone = following.opname in ("GET_ITER", "CONTAINS_OP") or (
+                following.opname in ("LOAD_METHOD", "LOAD_ATTR") and following.argval in _LOOKING
+            )
+            subscript = following.opname.startswith("LOAD_") and second.opname == "BINARY_SUBSCR"
+            (looked if alone or subscript else other).add(step.argval)
+    return frozenset(looked), frozenset(other)
 
 
 @functools.cache

@@ -68,9 +68,12 @@ class Trials:
             for key in (evaluation_key(evaluator.describe(recipe)) for recipe in recipes)
             if evaluator.store.get(key) is None
         ]
-        outcomes = scorer(recipes)
-        for store, key in fresh:
-            store.mark(key, BASELINE)
+        try:
+            outcomes = scorer(recipes)
+        finally:  # an interrupted batch leaves what it has computed
+            for store, key in fresh:
+                if store.get(key) is not None:
+                    store.mark(key, BASELINE)
         if pool is not None:
             scorer.release()  # each prepared pool has a network of its own: one in memory at a time
         scores = []

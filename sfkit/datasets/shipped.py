@@ -48,10 +48,10 @@ def ensure_data_set(name: str, *others: str) -> None:
     ensure_known("data set", name, (*manifest_names(), PAIRS, UNLABELLED, *others))
 
 
-def ensure_training_set(name: str) -> None:
+def ensure_training_set(name: str, *others: str) -> None:
     """Refuse what is neither a training set's nor a benchmark's name, nor ``pairs``.
 
     Raises:
-        InputError: it is none of these.
+        InputError: it is none of these, nor of ``others``.
     """
-    ensure_known("training set", name, (*source_manifest_names(), *manifest_names(), PAIRS))
+    ensure_known("training set", name, (*source_manifest_names(), *manifest_names(), PAIRS, *others))

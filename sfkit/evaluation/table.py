@@ -146,7 +146,7 @@ def image_table(
 def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
     """The table people read: a row a network, a column a benchmark, protocol and metric, as first met.
 
-    Validation columns bear a ``*``. With ``mean`` each metric that was measured on several benchmarks gets
+    Validation columns bear a ``*``. With ``mean`` each metric that was reported on several benchmarks gets
     their mean; where some guided a search, the mean over all of them, as the paper has it, and last the mean
     over those that guided none. A network without a score on one of them has none.
 
@@ -176,8 +176,10 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
 
 
 def _means(rows: pd.DataFrame) -> pd.Series:
-    # Not skipping NaN: a network that failed somewhere has no mean to be praised for.
-    return rows.groupby("network")["score"].agg(lambda column: column.mean(skipna=False))
+    # Not skipping NaN: who failed somewhere, or was not scored there, has no mean to be praised for.
+    place = ["benchmark", "protocol"]
+    wide = rows.pivot_table(index="network", columns=place, values="score", dropna=False, observed=False)
+    return wide.mean(axis=1, skipna=False)
 
 
 def _check_names(names: Sequence[tuple[str, str]]) -> None:

@@ -218,7 +218,7 @@ def _settings(path: Path, name: str, entry: Any, common: Mapping[str, Any]) -> T
     require_whole(f"{where}: pairs", entry.get("pairs", 1), 1)
     data = text(entry.get("data", ""), f"{where}: data")
     if not _of_a_bank(data):
-        ensure_training_set(data)
+        ensure_training_set(data, *(f"{bank}:DOMAIN" for bank in FOLDERS))
         if "root" not in entry:
             raise InputError(f"{where}: the key root is missing, expected the folder of {data!r}")
     own = table(entry.get("training", {}), f"[sources.{name}.training] in {path}")

@@ -121,7 +121,7 @@ def overhead_figure(record: Overhead, *, theme: str = "auto", height: int | None
     most = (0.0, "", "")
     for name, seconds in record.trainings.items():
         shares = [record.share(cost, name) for cost in record.costs]
-        most = max(most, *((share, method, name) for share, method in zip(shares, methods, strict=True)))
+        most = max([most, *((share, method, name) for share, method in zip(shares, methods, strict=True))])
         figure.add_bar(
             x=shares,
             y=methods,
@@ -135,12 +135,12 @@ def overhead_figure(record: Overhead, *, theme: str = "auto", height: int | None
         )
     figure.update_yaxes(type="category", autorange="reversed", title_text="method")
     # Room for the number beside the longest bar, on a narrow page too.
-    figure.update_xaxes(range=[0.0, 1.25 * most[0]], title_text="wall time (% of the training's)")
+    figure.update_xaxes(range=[0.0, 1.25 * most[0] or 1.0], title_text="wall time (% of the training's)")
     return finish(
         figure,
         theme=theme,
         title="What does each method cost beside training?",
-        subtitle=f"most: {most[1]}, {most[0]:.1f} % of {most[2]}",
+        subtitle=f"most: {most[1]}, {most[0]:.1f} % of {most[2]}" if most[1] else "nothing was measured",
         height=height or 20 * len(methods) * len(record.trainings) + 200,
         barmode="group",
         showlegend=True,

@@ -215,16 +215,21 @@ export function differenceOf(own, other) {
  */
 export function paintWider(out, width) {
   if (!isSparse(out)) return;
-  const own = out.slice();
   const height = out.length / width;
-  for (let y = 0; y < height; y += 1) {
-    for (let x = 0; x < width; x += 1) {
-      if (own[y * width + x] !== 0) continue;
-      const near = NEIGHBOURS.find(
-        ([dy, dx]) =>
-          x + dx >= 0 && x + dx < width && y + dy >= 0 && y + dy < height && own[(y + dy) * width + x + dx] !== 0,
-      );
-      if (near) out[y * width + x] = own[(y + near[0]) * width + x + near[1]];
+  const known = new Int32Array(out.length);
+  let count = 0;
+  for (let at = 0; at < out.length; at += 1) {
+    if (out[at] !== 0) known[count++] = at;
+  }
+  // From the few that have a value, one neighbour after the other, the nearest first.
+  for (const [dy, dx] of NEIGHBOURS) {
+    for (let n = 0; n < count; n += 1) {
+      const at = known[n];
+      const column = (at % width) - dx;
+      const row = (at - (at % width)) / width - dy;
+      if (column < 0 || column >= width || row < 0 || row >= height) continue;
+      const target = row * width + column;
+      if (out[target] === 0) out[target] = out[at];
     }
   }
 }
