@@ -129,7 +129,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Slow tests are not skipped but deselected: they are a choice, not a missing condition.
 
     Files that hold some come first: the last file of all should be a short one, for nobody else works then.
+
+    What drives a browser is run once more where it fails: on a busy machine pages lose input, messages and
+    kernels. What is no accident fails twice, and the run's summary names what was run again.
     """
+    for item in items:
+        if item.get_closest_marker("browser"):
+            item.add_marker(pytest.mark.flaky(reruns=1))
     if config.getoption("--slow"):
         long = {item.path for item in items if item.get_closest_marker("slow")}
         first = [item for item in items if item.path in long]

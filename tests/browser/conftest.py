@@ -50,17 +50,6 @@ class Watched:
         assert self.foreign == []
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """A notebook that JupyterLab, its server or Chromium loses on a busy machine is opened once more.
-
-    Only where a page was waited for in vain: a wrong value fails at once. The run's summary names them.
-    """
-    again = pytest.mark.flaky(reruns=1, only_rerun=["TimeoutError"])
-    for item in items:
-        if {"lab", "notebook7"} & set(getattr(item, "fixturenames", ())):
-            item.add_marker(again)
-
-
 Open = Callable[..., Stage]
 
 

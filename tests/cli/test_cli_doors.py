@@ -175,7 +175,8 @@ DOORS = (
     (f"evaluate bomb/pool --uniform {PAIRS}", "cfg.yaml", "aliases are written out"),
     ("show \x1b[31mred.pth", "\\x1b[31mred.pth", "no such file"),
     (
-        "compare pool/base.safetensors pool/a.safetensors -b unlabelled -r pairs --metric census,epe",
+        f"compare pool/base.safetensors pool/a.safetensors {ANYNET} -b unlabelled -r pairs"
+        " --metric census,epe",
         "epe needs ground truth",
     ),
     ("evaluate pool --uniform -b unlabelled -r pairs --metric census,d1", "d1 needs ground truth"),

@@ -92,9 +92,14 @@ function scaleRow(view, block, [low, high], neutral) {
     },
     { signal: view.signal },
   );
+  // What is being typed stays, whatever Python says of an earlier move meanwhile.
+  let typed = false;
+  number.addEventListener("input", () => (typed = true), { signal: view.signal });
+  number.addEventListener("blur", () => (typed = false), { signal: view.signal });
   number.addEventListener(
     "change",
     () => {
+      typed = false;
       if (number.value !== "") view.send("scale", { block, value: Number(number.value) });
     },
     { signal: view.signal },
@@ -112,7 +117,8 @@ function scaleRow(view, block, [low, high], neutral) {
     show(scale) {
       settle(scale);
       slider.setAttribute("aria-valuetext", scale.toFixed(2));
-      if (number !== document.activeElement || Number(number.value) !== scale) number.value = scale.toFixed(2);
+      const stays = typed || Number(number.value) === scale;
+      if (number !== document.activeElement || !stays) number.value = scale.toFixed(2);
     },
     settle,
   };
