@@ -41,6 +41,10 @@ def guides_of(
             # What else is said is refused, or not, where the benchmark is opened.
             if set(values) <= {"name", *FORESEEN}:
                 ensure_benchmark(**values, place=f"{option}: root")
+            if option == "--test" and values == {"name": data.benchmark}:
+                raise InputError(
+                    f"--test: found {text!r}, which guides the search, expected pairs it never sees"
+                )
     first = data.open()
     return _distinct([first, *(_named("--also", text, first.metric) for text in guidance.also or ())])
 

@@ -42,7 +42,8 @@ def read_parameters(notebook: str | os.PathLike[str], texts: Mapping[str, str]) 
         InputError: as :func:`notebook_parameters`, or a name or a kind of value the notebook does not take.
     """
     path = Path(notebook)
-    defaults = parameter_defaults(path, read_notebook(path))
+    source = _source_at_once(path)
+    defaults = parameter_defaults(path, read_notebook(path)) if source is None else _defaults(path, source)
     values = {n: t if isinstance(defaults.get(n), str) else _from_text(t) for n, t in texts.items()}
     return check_parameters(path, defaults, values)
 
@@ -101,10 +102,27 @@ def read_notebook(path: Path) -> NotebookNode:
 def parameter_defaults(path: Path, content: NotebookNode) -> dict[str, Any]:
     """Name -> default of every assignment in the parameters cell; empty where there is no such cell."""
     cell = next((cell for cell in content.cells if TAG in cell.metadata.get("tags", [])), None)
-    if cell is None:
-        return {}
+    return {} if cell is None else _defaults(path, cell.source)
+
+
+def _source_at_once(path: Path) -> str | None:
+    """The parameters cell of a plain notebook, so that a wrong name is told before nbformat is imported.
+
+    None where anything is unusual: then :func:`read_notebook` says what.
+    """
     try:
-        statements = ast.parse(cell.source).body
+        content = json.loads(path.read_text(encoding="utf-8"))
+        cell = next(cell for cell in content["cells"] if TAG in cell["metadata"].get("tags", []))
+        source = cell["source"]
+        text = source if isinstance(source, str) else "".join(source)
+        return text if content["nbformat"] == 4 and path.suffix == ".ipynb" else None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, StopIteration):
+        return None
+
+
+def _defaults(path: Path, source: str) -> dict[str, Any]:
+    try:
+        statements = ast.parse(source).body
     except SyntaxError as error:
         raise InputError(f"{path}: the cell tagged {TAG!r} is no Python ({error.msg})") from error
     found: dict[str, Any] = {}
