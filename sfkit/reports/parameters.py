@@ -110,6 +110,8 @@ def _source_at_once(path: Path) -> str | None:
 
     None where anything is unusual: then :func:`read_notebook` says what.
     """
+    if trouble(path):
+        return None
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         cell = next(cell for cell in content["cells"] if TAG in cell["metadata"].get("tags", []))
