@@ -15,7 +15,7 @@ import linecache
 import os
 import sys
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -274,6 +274,22 @@ def declared(name: str) -> object | None:
 
 def declared_names() -> set[str]:
     """The names of all architectures that installed packages declare."""
+    if not _declares(tuple(sys.path)):
+        return set()
     from importlib.metadata import entry_points
 
     return {entry.name for entry in entry_points(group=GROUP)}
+
+
+def _declares(places: Sequence[str]) -> bool:
+    """Whether an installed package may declare one: its file is looked into, for importlib.metadata, which is
+    asked only then, takes as long as all else a refusal needs.
+    """
+    files = ("*.dist-info/entry_points.txt", "*.egg-info/entry_points.txt")
+    for place in map(Path, places):
+        if place.is_file():  # an archive, into which importlib.metadata looks
+            return True
+        for file in (found for pattern in files for found in place.glob(pattern)):
+            if f"[{GROUP}]" in file.read_text(encoding="utf-8", errors="replace"):
+                return True
+    return False

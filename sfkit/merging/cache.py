@@ -24,6 +24,7 @@ from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.checkpoints.reading import CheckpointFile
 from sfkit.errors import InputError
 from sfkit.files import default_folder, signature, write_text, writing
+from sfkit.merging.kept_relations import FOLDER as RELATIONS
 
 LIMIT = 40 << 30  # bytes; the task vectors used longest ago go first
 RECORDS = 1000  # checkpoints to remember, some 40 kB each; those read longest ago go first
@@ -147,7 +148,7 @@ class VectorCache:
                 self._drop(entry.name)
 
     def clear(self) -> int:
-        """Drop everything, rendered pairs too; returns the bytes that were freed."""
+        """Drop everything, rendered pairs and kept relations too; returns the bytes that were freed."""
         freed = 0
         for path in (self.folder / "rendered").glob("*.npz"):
             freed += path.stat().st_size
@@ -155,7 +156,7 @@ class VectorCache:
         for entry in self.entries():
             freed += entry.size_bytes
             self._drop(entry.name)
-        for path in self._folder("files").glob("*.json"):
+        for path in (*self._folder("files").glob("*.json"), *(self.folder / RELATIONS).glob("*.json")):
             path.unlink(missing_ok=True)
         return freed
 

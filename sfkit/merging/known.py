@@ -26,6 +26,7 @@ from sfkit.checkpoints.spec import PoolSpec
 from sfkit.checkpoints.stored import StoredFile, stored_file
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.blocks import BlockPartition
+from sfkit.merging.kept_relations import Relations, keep, recall
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,19 +61,6 @@ class KnownArchitecture:
     constants: tuple[str, ...]
     options: tuple[str, ...]
     blocks: Mapping[str, tuple[str, ...]]
-
-
-@dataclass(frozen=True)
-class Relations:
-    """How a pool's sources lie to its base.
-
-    Attributes:
-        kinships: source -> how near it is.
-        blocks: block -> number of elements that any source changed.
-    """
-
-    kinships: Mapping[str, Kinship]
-    blocks: Mapping[str, int]
 
 
 @cache
@@ -154,15 +142,25 @@ def matrices(path: Path) -> dict[str, np.ndarray] | None:
 def relations(spec: PoolSpec) -> Relations | None:
     """Kinships and blocks of a pool in which nothing is unusual; None for every other.
 
+    They are kept: asked again, no file is read.
+
     Raises:
         InputError: a file cannot be read.
     """
     entry = table().get(spec.architecture)
     if entry is None or spec.blocks or spec.partition or partition_of(spec) is None:
         return None
-    members = (spec.base, *spec.sources)
-    if any(member.wrapping not in (None, Wrapping()) for member in members):
+    if any(member.wrapping not in (None, Wrapping()) for member in (spec.base, *spec.sources)):
         return None
+    found = recall(spec, entry.blocks)
+    if found is None and (found := _relations(spec, entry)) is not None:
+        keep(spec, entry.blocks, found)
+    return found
+
+
+def _relations(spec: PoolSpec, entry: KnownArchitecture) -> Relations | None:
+    """The same from the files."""
+    members = (spec.base, *spec.sources)
     base_file = known_file(spec.base.path)
     whole = base_file is not None and any(_any(key, entry.optional) for key in base_file[0].places)
     if whole and spec.options:  # one may leave optional parts out
