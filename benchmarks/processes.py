@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
@@ -28,6 +29,7 @@ HERE = Path(__file__).parent
 RESULTS = HERE.parent / "runs" / "results"
 """Where sections keep what took them long."""
 INTERVAL = 0.005  # seconds between two looks at a process's memory
+FAMILY_INTERVAL = 0.1  # and at that of all its descendants, which are looked for each time
 
 
 def answered(
@@ -126,13 +128,64 @@ def call_watched(script: str, *arguments: str) -> tuple[Any, Peak]:
         SystemExit: this is not Linux, the only system that tells anonymous from mapped pages.
         subprocess.CalledProcessError: the command failed.
     """
+    anonymous, mapped = [0.0], [0.0]
+
+    def look(pid: int) -> None:
+        sizes = _sizes(pid)
+        anonymous.append(sizes.get("RssAnon", 0.0))
+        mapped.append(sizes.get("RssFile", 0.0) + sizes.get("RssShmem", 0.0))
+
+    output = _watched([sys.executable, str(HERE / script), *arguments], look, INTERVAL)
+    return json.loads(output), Peak(round(max(anonymous)), round(max(mapped)))
+
+
+@dataclass(frozen=True)
+class Whole:
+    """What a command took with all processes it began.
+
+    Attributes:
+        seconds: on the clock, from its start to its end.
+        resident_mb: the most memory that its processes held together, in MiB. Pages that two of them share
+            are counted in both.
+        processes: the most there were at once.
+    """
+
+    seconds: float
+    resident_mb: float
+    processes: int
+
+
+def watched(*command: str) -> tuple[str, Whole]:
+    """A command's standard output, and what it took with its children, looked for each ``FAMILY_INTERVAL``.
+
+    Raises:
+        SystemExit: this is not Linux, from whose /proc memory and children are read.
+        subprocess.CalledProcessError: the command failed.
+    """
+    resident, count = [0.0], [0]
+
+    def look(pid: int) -> None:
+        held = [size for one in _family(pid) if (size := _sizes(one).get("VmRSS"))]
+        resident.append(sum(held))
+        count.append(len(held))
+
+    began = time.perf_counter()
+    output = _watched(list(command), look, FAMILY_INTERVAL)
+    return output, Whole(time.perf_counter() - began, max(resident), max(count))
+
+
+def _watched(command: list[str], look: Callable[[int], None], interval: float) -> str:
+    """The standard output of a command at whose process ``look`` is called every ``interval`` seconds."""
     if not Path("/proc/self/status").is_file():
         raise SystemExit("memory by kind is read from /proc, which this system does not have: use Linux")
-    command = [sys.executable, str(HERE / script), *arguments]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         ended = threading.Event()
-        found: list[Peak] = []
-        watcher = threading.Thread(target=lambda: found.append(_watch(process.pid, ended)))
+
+        def watch() -> None:
+            while not ended.wait(interval):
+                look(process.pid)
+
+        watcher = threading.Thread(target=watch)
         watcher.start()
         try:
             output = process.communicate()[0]
@@ -141,21 +194,29 @@ def call_watched(script: str, *arguments: str) -> tuple[Any, Peak]:
             watcher.join()
     if process.returncode:
         raise subprocess.CalledProcessError(process.returncode, command)
-    return json.loads(output), found[0]
+    return output
 
 
-def _watch(pid: int, ended: threading.Event) -> Peak:
-    anonymous = mapped = 0.0
-    while not ended.wait(INTERVAL):
+def _sizes(pid: int) -> dict[str, float]:
+    """What Linux says of a process's resident memory, in MiB by name; nothing where it has ended."""
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
+    except (FileNotFoundError, ProcessLookupError):
+        return {}
+    fields = (line.split() for line in lines if line.startswith(("Rss", "VmRSS")))
+    return {name.rstrip(":"): float(size) / 1024 for name, size, *_ in fields}
+
+
+def _family(pid: int) -> list[int]:
+    """A process and all that descend from it; those that have ended are left out."""
+    found = [pid]
+    for one in found:
         try:
-            lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
-        except (FileNotFoundError, ProcessLookupError):  # it has ended
+            for thread in Path(f"/proc/{one}/task").iterdir():
+                found += map(int, (thread / "children").read_text(encoding="utf-8").split())
+        except (FileNotFoundError, ProcessLookupError):
             continue
-        fields = (line.split() for line in lines if line.startswith("Rss"))
-        sizes = {name.rstrip(":"): float(size) / 1024 for name, size, *_ in fields}
-        anonymous = max(anonymous, sizes.get("RssAnon", 0.0))
-        mapped = max(mapped, sizes.get("RssFile", 0.0) + sizes.get("RssShmem", 0.0))
-    return Peak(round(anonymous), round(mapped))
+    return found
 
 
 def folder_of(variable: str) -> Path:

@@ -157,6 +157,27 @@ def test_memory_of_a_process_is_told_by_kind(results: ModuleType, tmp_path: Path
     assert more_mapped.anonymous_mb == pytest.approx(little.anonymous_mb, abs=4)
 
 
+FAMILY = """import subprocess, sys, time
+kept = b"x" * (64 << 20)
+if len(sys.argv) > 1:
+    subprocess.run([sys.executable, "-c", sys.argv[1]], check=True)
+time.sleep(1.5)
+print("done")
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="memory is read from /proc: run it on Linux")
+def test_memory_of_a_command_is_that_of_all_it_began(results: ModuleType) -> None:
+    """A child that holds 64 MiB beside its parent's counts as the parent does."""
+    processes = importlib.import_module("processes")
+    output, alone = processes.watched(sys.executable, "-c", FAMILY)
+    _, two = processes.watched(sys.executable, "-c", FAMILY, FAMILY)
+    assert output == "done\n"
+    assert (alone.processes, two.processes) == (1, 2)
+    assert two.resident_mb - alone.resident_mb >= 64
+    assert alone.seconds >= 1.5
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="its own peak is read from /proc: run it on Linux")
 def test_the_peak_of_a_process_is_its_own(results: ModuleType) -> None:
     """What getrusage says counts from the peak of the process that started it."""
