@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -49,7 +48,7 @@ def fresh_beside(path: Path) -> Iterator[Path]:
     file that a folder is searched for.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.name[:_NAME]}.{secrets.token_hex(8)}.part")
+    fresh = path.with_name(f".{path.name[:_NAME]}.{os.urandom(8).hex()}.part")
     fresh.touch(exist_ok=False)
     try:
         yield fresh

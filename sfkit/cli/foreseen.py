@@ -16,9 +16,7 @@ from sfkit.datasets.shipped import ensure_data_set
 from sfkit.errors import InputError, ensure_known
 from sfkit.files import home
 from sfkit.merging.blocks import parse_partition
-from sfkit.merging.known import ensure_options, nobody_registered, undescribed
 from sfkit.merging.named import named_pool
-from sfkit.merging.origin import read_origin, stated_texts
 from sfkit.merging.roster import Roster
 
 
@@ -93,6 +91,10 @@ def ensure_loadable(
         InputError: the file is no checkpoint or does not say its architecture, nobody knows the one that is
             named, or an option cannot be read.
     """
+    # What reads checkpoints is no part of a command's help.
+    from sfkit.merging.known import ensure_options, nobody_registered, undescribed
+    from sfkit.merging.origin import read_origin, stated_texts
+
     ensure_checkpoint(file)
     options = network_options(texts)
     if architecture is None:

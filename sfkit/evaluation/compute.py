@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib.util
 import os
-import socket
 import sys
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -123,6 +121,8 @@ def _cuda_devices() -> int:
     rocm = Path("/dev/kfd")  # which its devices are reached through
     if sys.platform == "linux" and "torch" not in sys.modules and not rocm.exists():
         try:
+            import ctypes
+
             ctypes.CDLL("libcuda.so.1")
         except OSError:
             return 0
@@ -153,6 +153,8 @@ def ensure_ray() -> None:
     address = os.environ.get("RAY_ADDRESS", "")
     host, colon, port = address.removeprefix("ray://").rpartition(":")
     if colon and port.isdecimal():
+        import socket
+
         try:
             socket.create_connection((host.strip("[]"), int(port)), REACH_SECONDS).close()
         except (OSError, OverflowError) as error:

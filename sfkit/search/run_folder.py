@@ -13,8 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from sfkit.errors import InputError
 from sfkit.files import trouble, write_text
 
@@ -56,6 +54,8 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
     if not force:
         _refuse_other(path, identity)
     path.mkdir(parents=True, exist_ok=True)
+    from filelock import FileLock, Timeout
+
     # Not the thread's own: a notebook may begin a search in one thread and end it in another.
     lock = FileLock(path / LOCK, thread_local=False)
     try:
