@@ -38,7 +38,7 @@ from sfkit.analysis.headed import ShownTable, publish_table, score_rows, shown_t
 from sfkit.analysis.interpolation import InterpolationCurve, interpolated, interpolation_curves
 from sfkit.analysis.linear_path import LinearPaths, linear_paths
 from sfkit.analysis.measured import Measured, measure_recipes, measure_with
-from sfkit.analysis.networks import measure_networks
+from sfkit.analysis.networks import measure_files, measure_networks
 from sfkit.analysis.overfit import HoldoutCheck, holdout_check, holdout_sentence
 from sfkit.analysis.paired import Difference, Spread, corrected, paired_difference, seed_spread
 from sfkit.analysis.predictions import (
@@ -147,6 +147,7 @@ __all__ = [
     "judges",
     "latex_table",
     "linear_paths",
+    "measure_files",
     "measure_networks",
     "measure_recipes",
     "measure_with",

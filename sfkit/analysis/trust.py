@@ -27,7 +27,6 @@ from sfkit.datasets.pairs import Sample
 from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.merging.live import LiveModel
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.streams import Stream, generator
@@ -345,8 +344,7 @@ def _seen(parts: Sequence[Evaluator], recipe: Recipe) -> list[float]:
     """Over all pairs, shares of pixels with texture and inside, and of maps that are collapsed."""
     rows = []
     for part in parts:
-        live = LiveModel(part.pool, device=part.device)
-        live.apply(recipe)
+        live = part.compute.model(part.pool, recipe)
         for sample, pair in part.prepared:
             map_ = pair.window.crop(live.disparity(pair.left, pair.right)).numpy()
             rows.append(signs_of(sample, map_))

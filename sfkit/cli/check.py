@@ -8,13 +8,14 @@ import typer
 
 from sfkit.cli.foreseen import roster_of
 from sfkit.cli.options import JsonOption, PoolArgument, emit, pool_of, say
-from sfkit.cli.panels import OptionalBenchmarkOptions
+from sfkit.cli.panels import InlineOptions, OptionalBenchmarkOptions
 from sfkit.cli.terminal import Bars
 
 
 def check(
     pool: PoolArgument,
     data: OptionalBenchmarkOptions,
+    compute: InlineOptions,
     pairs: Annotated[int, typer.Option(min=1, help="The first so many pairs.")] = 4,
     json: JsonOption = False,
 ) -> int:
@@ -53,7 +54,7 @@ def check(
         lines.append("the network is called rightly: disparities of the right size, sign and scale")
     if opened_benchmark is not None and not fatal:
         say(f"scoring the midpoints on {len(opened_benchmark.pairs)} pairs of {opened_benchmark.name}")
-        with Evaluator(opened, opened_benchmark) as evaluator, Bars(keep=False) as bars:
+        with Evaluator(opened, opened_benchmark, compute=compute) as evaluator, Bars(keep=False) as bars:
             evaluator.listen = lambda done, total: bars("midpoints", done, total)
             paths = linear_paths(evaluator)
         members = paths.beside(opened.summary()).reset_index()

@@ -18,7 +18,7 @@ from sfkit.cli.options import (
     emit,
 )
 from sfkit.cli.outputs import Places
-from sfkit.cli.panels import BenchmarkOptions, DeviceOptions
+from sfkit.cli.panels import BenchmarkOptions, InlineOptions
 from sfkit.cli.terminal import Bars
 from sfkit.errors import InputError
 
@@ -33,7 +33,7 @@ def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="A network's file.", show_default=False)],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one's.", show_default=False)],
     data: BenchmarkOptions,
-    compute: DeviceOptions,
+    compute: InlineOptions,
     architecture: ArchitectureOption = None,
     option: NetworkOption = None,
     maps: Annotated[
@@ -58,15 +58,12 @@ def compare(
         options = ensure_loadable(file, architecture, option)
     chosen, metrics = data.open_by_several()
     if maps is not None:
+        if compute.engine != "inline":
+            raise InputError(f"--maps: found --engine {compute.engine}, expected inline, which sees the maps")
         _claim(places, maps, chosen, force=force)
-    from sfkit.analysis.networks import measure_networks
+    from sfkit.analysis.networks import measure_files
     from sfkit.analysis.paired import corrected, paired_difference
-    from sfkit.evaluation.stereo_model import load
 
-    models = {
-        name: load(file, device=compute.device, architecture=architecture, options=options)
-        for name, file in ((a, first), (b, second))
-    }
     written: list[Path] = []
 
     def look(panels: DisparityPanels) -> None:
@@ -78,7 +75,16 @@ def compare(
         def advance(done: int, total: int) -> None:
             bars(chosen.name, done, total, line=f"{chosen.name}: {done} of {total} pairs")
 
-        measured = measure_networks(models, chosen, metrics=metrics, progress=advance, look=look)
+        measured = measure_files(
+            {a: first, b: second},
+            chosen,
+            metrics=metrics,
+            architecture=architecture,
+            options=options,
+            compute=compute,
+            progress=advance,
+            look=None if maps is None else look,
+        )
     asked = tuple(one.name for one in chosen.measurable(metrics)) or (measured.metric,)
     # Several metrics are several claims.
     found = corrected([paired_difference(measured, b, a, metric=metric) for metric in asked])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from sfkit.cli.foreseen import ensure_benchmark
 from sfkit.cli.groups import Group, names
-from sfkit.evaluation.compute import PARAMETERS, Compute, check_device
+from sfkit.evaluation.compute import PARAMETERS, PASSES, Compute, check_device
 from sfkit.search import Constraints, RoutingSettings, SubsetSettings
 from sfkit.settings import setting
 
@@ -123,6 +123,8 @@ GuidanceOptions = Annotated[Guidance, Group(Guidance, "Benchmark")]
 _COMPUTE = Group(Compute, "Where networks run", make=_compute, defaults={"engine": "auto"})
 ComputeOptions = Annotated[Compute, _COMPUTE]
 DeviceOptions = Annotated[Compute, replace(_COMPUTE, only=("device",), defaults={})]
+PassOptions = Annotated[Compute, replace(_COMPUTE, only=PASSES, defaults={})]
+InlineOptions = Annotated[Compute, replace(_COMPUTE, defaults={})]
 NotebookComputeOptions = Annotated[Compute, replace(_COMPUTE, only=PARAMETERS)]
 Stage1Options = Annotated[
     dict[str, Any],

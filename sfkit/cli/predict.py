@@ -20,7 +20,7 @@ from sfkit.cli.options import (
     emit,
     say,
 )
-from sfkit.cli.panels import DeviceOptions
+from sfkit.cli.panels import PassOptions
 from sfkit.cli.terminal import followed
 from sfkit.errors import InputError
 
@@ -36,7 +36,7 @@ _LINES = 20  # of progress of a video, about, where there is no terminal
 def predict(
     file: Annotated[Path, typer.Argument(help="A merged network, or a checkpoint.", show_default=False)],
     left: Annotated[Path, typer.Option("--left", "-l", help="Left image, a folder of them, or a video.")],
-    compute: DeviceOptions,
+    compute: PassOptions,
     right: Annotated[
         Path | None, typer.Option("--right", "-r", help="Right image, a folder of them, or a video.")
     ] = None,
@@ -102,7 +102,7 @@ def predict(
     options = ensure_loadable(file, architecture, option)
     from sfkit.evaluation.stereo_model import load
 
-    model = load(file, device=compute.device, architecture=architecture, options=options).loaded
+    model = load(file, **compute.passes, architecture=architecture, options=options).loaded
     if known is not None:
         say(f"cameras: {known}")
     rows = list(_predicted(model, plan))

@@ -7,7 +7,7 @@ import os
 import sys
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from sfkit.errors import InputError, ensure_known
 from sfkit.merging.forward import ForwardMode
@@ -70,6 +70,11 @@ class Compute:
     def mode(self) -> ForwardMode:
         """Precision and memory layout of forward passes."""
         return ForwardMode(self.precision, self.channels_last)
+
+    @property
+    def passes(self) -> dict[str, Any]:
+        """What :func:`sfkit.load` takes of this, for one network that no engine runs."""
+        return {name: getattr(self, name) for name in PASSES}
 
     def model(self, pool: Pool, recipe: Recipe | None = None) -> LiveModel:
         """A network of this process under a recipe, the pool's base unless given; no engine takes part.
@@ -166,5 +171,7 @@ def ensure_ray() -> None:
 HERE = Compute()
 """One process on the CPU."""
 FIELDS = tuple(field.name for field in fields(Compute))
+PASSES = ("device", "precision", "channels_last")
+"""The fields that matter to a network that no engine runs."""
 PARAMETERS = ("device", "engine", "workers", "precision")
 """The fields that every notebook has as parameters."""

@@ -29,9 +29,10 @@ def predict_together(model: LoadedNetwork, pairs: Sequence[tuple[Image, Image]])
     device = next((tensor.device for tensor in model.network.parameters()), torch.device("cpu"))
     prepared = [model.inputs.prepare(left, right) for left, right in pairs]
     left, right = (
-        torch.cat([getattr(pair, side) for pair in prepared]).to(device) for side in ("left", "right")
+        model.mode.place(torch.cat([getattr(pair, side) for pair in prepared]), device)
+        for side in ("left", "right")
     )
-    with torch.inference_mode():
+    with torch.inference_mode(), model.mode.computing(device):
         output = model.network(left, right)
         maps = output.reshape(len(pairs), *output.shape[-2:]).float().cpu()
     # Copies: a view would keep the padded maps of the whole batch alive.

@@ -26,6 +26,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.compute import check_device
 from sfkit.evaluation.point_cloud import PointCloud, depth_of, point_cloud
 from sfkit.evaluation.prediction import predict_together
+from sfkit.merging.forward import ForwardMode
 from sfkit.merging.network import LoadedNetwork, load_network
 
 Image = NDArray[np.uint8] | str | Path
@@ -136,6 +137,8 @@ def load(
     path: str | Path,
     *,
     device: str = "cpu",
+    precision: str = "float32",
+    channels_last: bool = False,
     architecture: str | None = None,
     options: Mapping[str, Any] | None = None,
 ) -> StereoModel:
@@ -144,14 +147,18 @@ def load(
     Args:
         path: what sfkit merged, or a checkpoint.
         device: ``"cpu"``, ``"cuda"``, ``"cuda:N"`` or ``"mps"``.
+        precision: ``"float32"``, or ``"bfloat16"`` for autocast.
+        channels_last: whether images enter with their channels innermost.
         architecture: for a file that does not say it.
         options: the architecture's options; those in the file are the default.
 
     Raises:
-        InputError: as :func:`~sfkit.merging.network.load_network`, or there is no such device.
+        InputError: as :func:`~sfkit.merging.network.load_network`, there is no such device, or
+            no such precision.
     """
     check_device(device)
-    return StereoModel(load_network(path, name=architecture, options=options), device)
+    mode = ForwardMode(precision, channels_last)
+    return StereoModel(replace(load_network(path, name=architecture, options=options), mode=mode), device)
 
 
 def _frames(

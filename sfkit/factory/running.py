@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import torch
 
+from sfkit.analysis.networks import measure_files
 from sfkit.analysis.trust import Trust, trust_of
 from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.pairs import Pair, StereoPair
@@ -25,12 +25,10 @@ from sfkit.factory.standing import Item, files_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
 from sfkit.merging import Pool, open_pool
-from sfkit.merging.network import load_network
 from sfkit.outside import toml_value
 from sfkit.search.pipeline import SearchResult, search_pool
 from sfkit.search.progress import generation_note
 from sfkit.search.records import Generation
-from sfkit.training.scoring import scorer_of
 
 
 @dataclass(frozen=True)
@@ -202,17 +200,20 @@ def _scores(
             scores[name][benchmark.name] = outcome.score
         evaluator.release()  # one network in memory at a time
         if joint is not None:
-            scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(
-                factory, joint, benchmark, compute.device
-            )
+            scores.setdefault(JOINT, {})[benchmark.name] = _joint_score(factory, joint, benchmark, compute)
     return scores
 
 
-def _joint_score(factory: Factory, file: Path, benchmark: Benchmark, device: str) -> float:
+def _joint_score(factory: Factory, file: Path, benchmark: Benchmark, compute: Compute) -> float:
     """The joint network is no member of the pool: merging knows nothing of it."""
-    loaded = load_network(file, name=factory.architecture, options=factory.options)
-    place = torch.device(device)
-    return scorer_of(benchmark, loaded.inputs, place)(loaded.network.to(place))[0]
+    measured = measure_files(
+        {JOINT: file},
+        benchmark,
+        architecture=factory.architecture,
+        options=factory.options,
+        compute=compute,
+    )
+    return measured.score(JOINT)
 
 
 def _training_costs(factory: Factory, items: Sequence[Item]) -> list[Cost]:

@@ -47,7 +47,7 @@ class ForwardMode:
         return torch.autocast(device.type, dtype=torch.bfloat16)
 
     def place(self, images: torch.Tensor, device: torch.device) -> torch.Tensor:
-        """Images (1, 3, H, W) on ``device`` in this mode's memory layout."""
+        """Images (N, 3, H, W) on ``device`` in this mode's memory layout."""
         if not self.channels_last:
             return images.to(device)
         import torch

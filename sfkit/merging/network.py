@@ -13,6 +13,7 @@ from torch import nn
 from sfkit.architectures import Architecture, InputConvention, architecture
 from sfkit.checkpoints.checks import check_values
 from sfkit.errors import InputError
+from sfkit.merging.forward import ForwardMode
 from sfkit.merging.known import undescribed
 from sfkit.merging.members import PoolOpener
 from sfkit.merging.origin import read_origin
@@ -29,12 +30,14 @@ class LoadedNetwork:
         inputs: how images become its input.
         name: its architecture's.
         options: all of its architecture's.
+        mode: how its forward passes compute.
     """
 
     network: nn.Module
     inputs: InputConvention
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    mode: ForwardMode = field(default_factory=ForwardMode)
 
 
 def load_network(

@@ -84,6 +84,13 @@ def test_compare_says_which_is_better_and_where(shell: Shell) -> None:
         low, high = found["interval"]
         assert low <= found["difference"] <= high
         assert found["verdict"] in set(Judgement)
+    shared = shell.json(f"{line} --engine processes --workers 2")["differences"]
+    apart = shell.json(f"{line} --precision bfloat16")["differences"]
+    for there, lower, full in zip(shared, apart, document["differences"], strict=True):
+        # Another number of threads a worker moves disparities by some 1e-6 of their size.
+        assert there["scores"] == pytest.approx(full["scores"], rel=1e-5)
+        assert lower["scores"] == pytest.approx(full["scores"], rel=0.1)
+    assert [one["scores"] for one in apart] != [one["scores"] for one in document["differences"]]
     text, _ = shell(line)
     assert f"epe: b is {document['differences'][0]['verdict']}" in text
     assert max(map(len, text.splitlines()[:4])) <= 80
@@ -119,6 +126,10 @@ def test_compare_refuses_before_any_work(shell: Shell) -> None:
         (f"compare a.safetensors a.safetensors {PAIRS}", "expected two networks"),
         (f"compare a.safetensors none.safetensors {PAIRS}", "none.safetensors: no such file"),
         (f"compare a.safetensors pool/a.safetensors {PAIRS}", "does not say its architecture"),
+        (
+            f"compare a.safetensors pool/b.safetensors --architecture anynet {PAIRS} --maps m --engine auto",
+            "expected inline",
+        ),
         ("compare a.safetensors pool/a.safetensors --architecture anynet -b pairs", "--root is missing"),
     ):
         _, said = shell(line, code=2)
