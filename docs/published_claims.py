@@ -12,7 +12,7 @@ ROUNDING = 0.005 + 1e-9
 
 
 @dataclass(frozen=True)
-class Place:
+class TableCell:
     """A row of four benchmark scores, or a column where the table is turned.
 
     Attributes:
@@ -38,11 +38,11 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class PaperExperiment:
     """One experiment, and all places that print its scores."""
 
     name: str
-    places: tuple[Place, ...]
+    places: tuple[TableCell, ...]
 
 
 @dataclass(frozen=True)
@@ -64,77 +64,80 @@ class Quote:
     rounding: float = ROUNDING
 
 
-def _merging(architecture: str, method: str) -> Place:
-    return Place("tab:merging_comparison", (architecture, method))
+def _merging(architecture: str, method: str) -> TableCell:
+    return TableCell("tab:merging_comparison", (architecture, method))
 
 
-def _fitness(architecture: str, metric: str) -> Place:
-    return Place("tab:ablation_1", (architecture, metric))
+def _fitness(architecture: str, metric: str) -> TableCell:
+    return TableCell("tab:ablation_1", (architecture, metric))
 
 
 _OURS = "StereoFactory (Ours)"
-EXPERIMENTS: tuple[Experiment, ...] = (
-    Experiment(
+EXPERIMENTS: tuple[PaperExperiment, ...] = (
+    PaperExperiment(
         "NMRF, both stages guided by ETH3D",
         (
             _merging(NMRF, _OURS),
-            Place("tab:zero_shot", (NMRF, "NMRF-SwinT (Ours)")),
-            Place("tab:benchmark_results", NMRF, "adaptive"),
+            TableCell("tab:zero_shot", (NMRF, "NMRF-SwinT (Ours)")),
+            TableCell("tab:benchmark_results", NMRF, "adaptive"),
             _fitness(NMRF, "ETH3D"),
-            Place("tab:validation_subset_robustness", "ETH3D"),
-            Place("tab:s1_vs_s2", "Stage 1 + 2"),
-            Place("tab:ablation_2", (NMRF, "Non-reusable")),
+            TableCell("tab:validation_subset_robustness", "ETH3D"),
+            TableCell("tab:s1_vs_s2", "Stage 1 + 2"),
+            TableCell("tab:ablation_2", (NMRF, "Non-reusable")),
         ),
     ),
-    Experiment(
+    PaperExperiment(
         "FoundationStereo with the subset found on NMRF",
         (
             _merging(FOUNDATION_STEREO, _OURS),
-            Place("tab:zero_shot", (FOUNDATION_STEREO, "FoundationStereo (Ours)")),
-            Place("tab:benchmark_results", FOUNDATION_STEREO, "adaptive"),
-            Place("tab:ablation_2", (FOUNDATION_STEREO, "Reusable")),
+            TableCell("tab:zero_shot", (FOUNDATION_STEREO, "FoundationStereo (Ours)")),
+            TableCell("tab:benchmark_results", FOUNDATION_STEREO, "adaptive"),
+            TableCell("tab:ablation_2", (FOUNDATION_STEREO, "Reusable")),
         ),
     ),
-    Experiment(
+    PaperExperiment(
         "FoundationStereo, its own search guided by ETH3D",
-        (_fitness(FOUNDATION_STEREO, "ETH3D"), Place("tab:ablation_2", (FOUNDATION_STEREO, "Non-reusable"))),
+        (
+            _fitness(FOUNDATION_STEREO, "ETH3D"),
+            TableCell("tab:ablation_2", (FOUNDATION_STEREO, "Non-reusable")),
+        ),
     ),
-    Experiment(
+    PaperExperiment(
         "NMRF guided by Middlebury",
-        (_fitness(NMRF, "Middlebury"), Place("tab:validation_subset_robustness", "Middlebury")),
+        (_fitness(NMRF, "Middlebury"), TableCell("tab:validation_subset_robustness", "Middlebury")),
     ),
-    Experiment(
+    PaperExperiment(
         "NMRF base (SceneFlow)",
         (
-            Place("tab:zero_shot", (NMRF, "NMRF-SwinT")),
-            Place("tab:individual_datasets", NMRF, "SceneFlow"),
+            TableCell("tab:zero_shot", (NMRF, "NMRF-SwinT")),
+            TableCell("tab:individual_datasets", NMRF, "SceneFlow"),
         ),
     ),
-    Experiment(
+    PaperExperiment(
         "FoundationStereo base (SceneFlow)",
         (
-            Place("tab:zero_shot", (FOUNDATION_STEREO, "FoundationStereo")),
-            Place("tab:zero_shot", ("published", "FoundationStereo (SceneFlow)")),
-            Place("tab:individual_datasets", FOUNDATION_STEREO, "SceneFlow"),
+            TableCell("tab:zero_shot", (FOUNDATION_STEREO, "FoundationStereo")),
+            TableCell("tab:zero_shot", ("published", "FoundationStereo (SceneFlow)")),
+            TableCell("tab:individual_datasets", FOUNDATION_STEREO, "SceneFlow"),
         ),
     ),
     *(
-        Experiment(
+        PaperExperiment(
             f"{architecture}, uniform average",
             (
                 _merging(architecture, "Uniform Avg."),
-                Place("tab:individual_datasets", architecture, "uniform"),
-                Place("tab:benchmark_results", architecture, "uniform"),
+                TableCell("tab:individual_datasets", architecture, "uniform"),
+                TableCell("tab:benchmark_results", architecture, "uniform"),
             ),
         )
         for architecture in (NMRF, FOUNDATION_STEREO)
     ),
     *(
-        Experiment(
+        PaperExperiment(
             f"{architecture}, the source FoundationStereo (single best)",
             (
                 _merging(architecture, "Single Best"),
-                Place("tab:individual_datasets", architecture, "FoundationStereo"),
+                TableCell("tab:individual_datasets", architecture, "FoundationStereo"),
             ),
         )
         for architecture in (NMRF, FOUNDATION_STEREO)

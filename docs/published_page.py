@@ -91,7 +91,7 @@ def _cell(value: object, mark: object) -> str:
 
 
 @dataclass(frozen=True)
-class Disagreement:
+class Contradiction:
     """One finding.
 
     Attributes:
@@ -103,12 +103,12 @@ class Disagreement:
     evidence: tuple[str, ...]
 
 
-def disagreements() -> tuple[Disagreement, ...]:
+def disagreements() -> tuple[Contradiction, ...]:
     """Every experiment printed with different scores, and every quote its table does not bear out."""
     return (*_experiments(), *_quotes())
 
 
-def _experiments() -> Iterator[Disagreement]:
+def _experiments() -> Iterator[Contradiction]:
     for experiment in EXPERIMENTS:
         rows = [(place, place.scores()) for place in experiment.places]
         if any(math.dist(rows[0][1], scores) > ROUNDING for _, scores in rows[1:]):
@@ -116,15 +116,15 @@ def _experiments() -> Iterator[Disagreement]:
                 f"{place}: {', '.join(f'{v:g}' for v in scores)} (mean {math.fsum(scores) / len(scores):.2f})"
                 for place, scores in rows
             )
-            yield Disagreement(f"{experiment.name}: one experiment, different scores", evidence)
+            yield Contradiction(f"{experiment.name}: one experiment, different scores", evidence)
 
 
-def _quotes() -> Iterator[Disagreement]:
+def _quotes() -> Iterator[Contradiction]:
     for quote in QUOTES:
         held = quote.compute()
         if abs(held - quote.printed) > quote.rounding:
             seen = "; ".join(_where(quote.label, quote.printed)) or "nowhere in it"
-            yield Disagreement(
+            yield Contradiction(
                 f"The text says: {quote.text}",
                 (f"{quote.label} gives {held:g}", f"{quote.printed:g} stands in it at: {seen}"),
             )

@@ -207,7 +207,7 @@ def picked(values: NDArray[Value], longest: int) -> NDArray[Value]:
     return values[::step, ::step]
 
 
-def averaged(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
+def shrunk(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
     """An RGB photograph (H, W, 3), averaged down so that its longest side has at most ``longest`` pixels."""
     step = -(-max(image.shape[:2]) // longest)
     size = (-(-image.shape[1] // step), -(-image.shape[0] // step))

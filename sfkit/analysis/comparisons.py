@@ -95,18 +95,18 @@ class ComparedNetwork:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What the row says in words; nothing for the reference."""
-        said = []
+        lines = []
         if self.difference is not None:
             seen = "" if self.unseen_difference else " (on what guided the search, no test)"
-            said.append(f"{self.network} is {self.difference}{seen}.")
+            lines.append(f"{self.network} is {self.difference}{seen}.")
         if self.overfit:
-            said.append(
+            lines.append(
                 f"{self.network} gained on what guided it ({self.guided_difference}) and not on unseen "
                 f"benchmarks ({self.unseen_difference}): it fits the validation images."
             )
         if self.spread is not None:
-            said.append(f"{self.network}: {self.spread}.")
-        return tuple(said)
+            lines.append(f"{self.network}: {self.spread}.")
+        return tuple(lines)
 
 
 @dataclass(frozen=True)

@@ -55,26 +55,26 @@ class HoldoutCheck:
         what = "score" if self.metric is None else self.metric
         if self.guiding >= 0:
             return f"Stage 2 found nothing better than equal weights ({what} on the pairs that guide it)."
-        said = (
+        claim = (
             f"{what} changes by {self.guiding:+.2f}{unit} on the pairs that guide Stage 2 (chosen among "
             f"{self.candidates} on these pairs), and by {self.held:+.2f}{unit} on {self.pairs} held out"
         )
         if self.interval is None:
-            said += (
+            claim += (
                 ", which are too few to judge by" if self.pairs < FEWEST_IMAGES else ", without an interval"
             )
         else:
             low, high = self.interval
-            said += f": 95 % interval {low:+.2f} to {high:+.2f}"
-            said += ", which shows neither gain nor loss" if low <= 0 <= high else ""
+            claim += f": 95 % interval {low:+.2f} to {high:+.2f}"
+            claim += ", which shows neither gain nor loss" if low <= 0 <= high else ""
         instead = ""
         if self.chosen != self.held:
             among = "" if self.folds > 1 else f", chosen among {self.candidates} on these pairs"
             instead = "; the recipe was chosen on the held-out pairs instead "
             instead += f"(change {self.chosen:+.2f}{unit}{among})"
         if self.overfit:
-            return f"Warning: {said}: what it gains are these pairs, not the task{instead}."
-        return f"{said[0].upper()}{said[1:]}{instead}."
+            return f"Warning: {claim}: what it gains are these pairs, not the task{instead}."
+        return f"{claim[0].upper()}{claim[1:]}{instead}."
 
 
 def holdout_check(search: RoutingSearch, *, metric: str | None = None) -> HoldoutCheck | None:

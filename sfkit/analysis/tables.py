@@ -235,14 +235,14 @@ def _cells(table: pd.DataFrame, marks: pd.DataFrame, digits: int) -> list[list[s
 
 def _cell(value: object, mark: str, digits: int) -> str:
     if value is None or value is pd.NA or value != value:  # the NA of whole numbers; NaN
-        said = "--"
+        cell = "--"
     elif isinstance(value, float | np.floating):
-        said = f"{value:.{digits}f}"
+        cell = f"{value:.{digits}f}"
     elif isinstance(value, int | np.integer) and not isinstance(value, bool):
-        said = f"{value:,}".replace(",", r"\,")
+        cell = f"{value:,}".replace(",", r"\,")
     else:
-        said = _escaped(value)
-    return _MARKS[mark] % said
+        cell = _escaped(value)
+    return _MARKS[mark] % cell
 
 
 def _numeric(column: pd.Series) -> bool:

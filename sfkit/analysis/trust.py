@@ -265,10 +265,10 @@ def trust_of(
 
     Warns (:class:`~sfkit.errors.SfkitWarning`) where something speaks against it, with the sentence.
     """
-    said = _trust_of(pool, evaluators, found, tests, found_in=found_in)
-    if said is not None and said.doubts:
-        warnings.warn(said.sentence, SfkitWarning, stacklevel=2)
-    return said
+    verdict = _trust_of(pool, evaluators, found, tests, found_in=found_in)
+    if verdict is not None and verdict.doubts:
+        warnings.warn(verdict.sentence, SfkitWarning, stacklevel=2)
+    return verdict
 
 
 def trust_sentences(scorer: Evaluator | CombinedScorer) -> tuple[str, ...]:

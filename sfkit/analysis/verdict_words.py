@@ -32,12 +32,12 @@ def with_reason(
         clear: whether the intervals to all simpler networks on validation leave 0 out.
         rival: the simpler network that the tests put furthest ahead of what validation prefers, if any.
     """
-    said = [*_first(found), *_second(found, unlike, clear), *_on_tests(found, unlike, rival)]
+    sentences = [*_first(found), *_second(found, unlike, clear), *_on_tests(found, unlike, rival)]
     if unlike is not None and {unlike, found.preferred} <= evaluations.keys():
         more = evaluations[found.preferred] - evaluations[unlike]
         if more > 0:
-            said.append(f"Finding {found.preferred} took {more:,} evaluations more than {unlike}.")
-    return replace(found, reason=tuple(said))
+            sentences.append(f"Finding {found.preferred} took {more:,} evaluations more than {unlike}.")
+    return replace(found, reason=tuple(sentences))
 
 
 def _first(found: Verdict) -> list[str]:
@@ -59,20 +59,23 @@ def _first(found: Verdict) -> list[str]:
     if found.averaged:
         return _average(found, guide)
     among = f", chosen among {found.candidates} networks there" if found.candidates > 1 else ""
-    said = [f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}{among}."]
-    return [*said, *_passed_over(found)]
+    sentences = [f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}{among}."]
+    return [*sentences, *_passed_over(found)]
 
 
 def _average(found: Verdict, guide: str) -> list[str]:
     """The averaged winner, and what is given up for it."""
-    said = (
+    sentence = (
         f"Deploy {found.recommended}: {score_text(found.metric, found.score)} on {guide}, the average of "
         "what wins resamples of these pairs."
     )
     if found.score <= found.lowest_score:
-        return [f"{said} It also scores lowest there, among {found.candidates} networks."]
+        return [f"{sentence} It also scores lowest there, among {found.candidates} networks."]
     lowest = f"{found.lowest} scores lowest there ({score_text(found.metric, found.lowest_score)})"
-    return [said, f"{lowest}, but what is best on few pairs need not be best elsewhere (docs/results.md)."]
+    return [
+        sentence,
+        f"{lowest}, but what is best on few pairs need not be best elsewhere (docs/results.md).",
+    ]
 
 
 def _passed_over(found: Verdict) -> list[str]:
@@ -94,22 +97,22 @@ def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
     few = found.pairs < FEWEST_IMAGES * len(found.validation)
     shown = "" if against.validation is None else f" ({_difference(against.validation, found.metric, few)})"
     if few:
-        said = [f"So few pairs cannot tell it from {unlike}, which is simpler{shown}."]
+        sentences = [f"So few pairs cannot tell it from {unlike}, which is simpler{shown}."]
     elif against.validation is not None and against.validation.interval()[0] > 0.0:
-        said = [f"On validation {unlike}, which is simpler, scores lower{shown}."]
+        sentences = [f"On validation {unlike}, which is simpler, scores lower{shown}."]
     elif found.simplest is not None:
-        said = [f"Validation cannot tell it from {unlike}, which is simpler{shown}."]
+        sentences = [f"Validation cannot tell it from {unlike}, which is simpler{shown}."]
     elif clear:
-        said = [f"Validation tells it from every simpler network, the nearest being {unlike}{shown}."]
+        sentences = [f"Validation tells it from every simpler network, the nearest being {unlike}{shown}."]
     else:
-        said = [
+        sentences = [
             "Every simpler network is more than one standard error behind it on validation, which is a hint "
             f"and no proof; the nearest is {unlike}{shown}."
         ]
     if not found.tests:
-        said.append("No benchmark is left that guided nothing, so that nothing here is a test.")
+        sentences.append("No benchmark is left that guided nothing, so that nothing here is a test.")
     elif against.tests is None:
-        said.append(
+        sentences.append(
             f"On what guided nothing ({', '.join(found.tests)}) one of the two has no score everywhere, so "
             "that nothing there compares them."
         )
@@ -117,11 +120,11 @@ def _second(found: Verdict, unlike: str | None, clear: bool) -> list[str]:
         word = (
             "better than" if against.confirmed else "worse than" if against.refuted else "not told apart from"
         )
-        said.append(
+        sentences.append(
             f"On what guided nothing ({', '.join(found.tests)}) it is {word} {unlike}: "
             f"{_on_the_tests(found, unlike)}."
         )
-    return said
+    return sentences
 
 
 def _on_tests(found: Verdict, unlike: str | None, rival: str | None) -> list[str]:
@@ -138,11 +141,11 @@ def _on_the_tests(found: Verdict, other: str) -> str:
     """The difference there, and why nothing is told apart where the interval alone would say so."""
     against = found.against(other)
     assert against.tests is not None
-    said = _difference(against.tests, found.metric, math.isnan(against.p))
+    sentence = _difference(against.tests, found.metric, math.isnan(against.p))
     if against.confirmed or against.refuted or math.isnan(against.p):
-        return said
+        return sentence
     why = allowance(against.tests.interval(), found.family)
-    return f"{said}, {why}" if why else said
+    return f"{sentence}, {why}" if why else sentence
 
 
 def _difference(estimate: PairedEstimate, metric: str, few: bool = False) -> str:

@@ -99,23 +99,23 @@ def worth(run: BaselineRun, comparison: NetworkComparison) -> tuple[str, ...]:
             f"{rank}: better than {len(worse)} methods, worse than {len(better)}, "
             f"not told apart from {len(alike) + len(unknown)}."
         )
-    said = [title]
+    sentences = [title]
     for names, word in (
         (worse, "is better than"),
         (better, "is worse than"),
         (alike, "is not told apart from"),
     ):
         if names:
-            said.append(f"{reference} {word} {', '.join(names)}.")
+            sentences.append(f"{reference} {word} {', '.join(names)}.")
     cheap = [row for row in rows if row.network in (*alike, *better, *unknown)]
     if cheap:
         least = min(cheap, key=lambda row: deployable[row.network].evaluations)
         cost, price = deployable[reference].evaluations, deployable[least.network].evaluations
-        said.append(
+        sentences.append(
             f"It took {cost:,} evaluations; {least.network}, which nothing here shows to be worse, "
             f"took {price:,}."
         )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _ordinal(number: int) -> str:

@@ -61,7 +61,7 @@ class Architecture:
         beside: a checkpoint's path -> options that a configuration file beside it gives.
         matching: network, left, right -> its distributions over disparities or residuals, one a stage, each
             (B, D, h, w) and summing to 1 over D; None where it has none.
-        said: the version its author states; where there is none, ``identity`` stands for it.
+        stated: the version its author states; where there is none, ``identity`` stands for it.
         identity: the digest of its code as it is now in memory.
         additions: what else belongs to its version: how it is called, and the file that registered it.
         code: the user's file that registered it, None for what is imported by name.
@@ -76,7 +76,7 @@ class Architecture:
     blocks: Callable[[Options], Blocks]
     inputs: Callable[[Options], InputConvention]
     defaults: Options
-    said: str | None
+    stated: str | None
     identity: Callable[[], str]
     additions: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
@@ -97,7 +97,7 @@ class Architecture:
     @property
     def version(self) -> str:
         """Changes whenever the network's output changes; part of every evaluation's key."""
-        return "+".join((self.identity() if self.said is None else self.said, *self.additions))
+        return "+".join((self.identity() if self.stated is None else self.stated, *self.additions))
 
     def version_of(self, options: Options) -> str:
         """The version, with the state of the checkout it is built from, if it is."""
@@ -202,7 +202,7 @@ def register_architecture(
             blocks=by_options(blocks, builder),
             inputs=convention if callable(convention) else lambda _options: convention,
             defaults=_defaults(name, builder),
-            said=version,
+            stated=version,
             identity=functools.partial(code_identity, name, builder, further),
             additions=() if calling == PLAIN else (_digest(repr(calling)),),
             optional=tuple(optional),

@@ -138,13 +138,13 @@ def _finetuned(at: _Builder, name: str, settings: TrainingSettings) -> Record:
             licence=LICENCE,
             listen=_listening(at, name, settings),
         )
-    said = json.loads((training_folder(file) / "training.json").read_text(encoding="utf-8"))
+    recorded = json.loads((training_folder(file) / "training.json").read_text(encoding="utf-8"))
     return {
-        "plan": {**said["settings"], "steps": said["steps"], "scenes": said["data"]["pairs"]},
-        "licence": said["licence"],
-        "seconds": said["seconds"],
-        "cpu_seconds": said["cpu_seconds"],
-        "final_loss": said["loss"],
+        "plan": {**recorded["settings"], "steps": recorded["steps"], "scenes": recorded["data"]["pairs"]},
+        "licence": recorded["licence"],
+        "seconds": recorded["seconds"],
+        "cpu_seconds": recorded["cpu_seconds"],
+        "final_loss": recorded["loss"],
     }
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import product
 
 from sfkit.baselines.registry import Choice, Network, baseline
-from sfkit.baselines.trials import Trials, best_of
+from sfkit.baselines.trials import Trials, lowest
 from sfkit.errors import InputError
 from sfkit.merging.pool import Pool
 from sfkit.merging.prepare import prepare
@@ -53,7 +53,7 @@ def ties(
         about = [{"density": density, "lambda": strength} for strength in lambdas]
         scores = trials.score(recipes, about, pool=pool)
         tried += list(zip(scores, [pool] * len(recipes), recipes, about, strict=True))
-    _, pool, recipe, chosen = tried[best_of([score for score, *_ in tried])]
+    _, pool, recipe, chosen = tried[lowest([score for score, *_ in tried])]
     return Choice(recipe, pool, chosen)
 
 
@@ -122,7 +122,7 @@ def _drawn(
     settings = list(found)
     means = [math.fsum(score for score, _ in found[setting]) / draws for setting in settings]
     # By the mean over draws: the best of single ones is luck, which another seed does not have.
-    chosen, mean = settings[best_of(means)], min(means)
+    chosen, mean = settings[lowest(means)], min(means)
     scores = [score for score, _ in found[chosen]]
     networks = tuple(network for _, network in found[chosen])
     spread = f" ± {statistics.stdev(scores):.3f}" if draws > 1 and math.isfinite(mean) else ""

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from sfkit.baselines.registry import Choice, baseline
-from sfkit.baselines.trials import Trials, Validation, best_of
+from sfkit.baselines.trials import Trials, Validation, lowest
 from sfkit.errors import InputError
 from sfkit.merging.recipe import Recipe
 
@@ -18,7 +18,7 @@ LAMBDAS = tuple(round(0.05 * step, 2) for step in range(1, 21))
 def single_best(trials: Trials) -> Choice:
     """The source that scores best on validation: what one would deploy without merging."""
     recipes = [trials.pool.equal(name) for name in trials.pool.names]
-    chosen = best_of(trials.score(recipes))
+    chosen = lowest(trials.score(recipes))
     return Choice(recipes[chosen], settings={"source": trials.pool.names[chosen]})
 
 
@@ -40,7 +40,7 @@ def single_best_oracle(trials: Trials, *, tests: Sequence[Validation] = ()) -> C
     recipes = [trials.pool.equal(name) for name in trials.pool.names]
     trials.score(recipes)
     table = [[math.inf if o.failed else o.score for o in test(recipes)] for test in tests]
-    chosen = best_of([math.fsum(column) / len(tests) for column in zip(*table, strict=True)])
+    chosen = lowest([math.fsum(column) / len(tests) for column in zip(*table, strict=True)])
     note = f"chosen by the {len(tests)} benchmarks it is reported on"
     return Choice(recipes[chosen], settings={"source": trials.pool.names[chosen]}, note=note)
 
@@ -63,7 +63,7 @@ def task_arithmetic(trials: Trials, *, lambdas: Sequence[float] = LAMBDAS) -> Ch
     """
     grid = lambda_grid(lambdas, len(trials.pool.names))
     recipes = [summed(trials, value) for value in grid]
-    chosen = best_of(trials.score(recipes, [{"lambda": value} for value in grid]))
+    chosen = lowest(trials.score(recipes, [{"lambda": value} for value in grid]))
     return Choice(recipes[chosen], settings={"lambda": grid[chosen]})
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 from sfkit.baselines.registry import Choice, baseline
-from sfkit.baselines.trials import Trials, best_of
+from sfkit.baselines.trials import Trials, lowest
 from sfkit.errors import InputError
 from sfkit.search import (
     RoutingCandidate,
@@ -179,7 +179,7 @@ def _stage2(
 
 def _best(trials: Trials, subsets: list[tuple[str, ...]]) -> Choice:
     recipes = [trials.pool.equal(*subset) for subset in subsets]
-    chosen = recipes[best_of(trials.score(recipes))]
+    chosen = recipes[lowest(trials.score(recipes))]
     return Choice(chosen, settings={"subset": chosen.sources})
 
 

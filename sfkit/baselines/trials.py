@@ -117,6 +117,6 @@ class Trials:
             self.seconds += outcome.seconds
 
 
-def best_of(scores: Sequence[float]) -> int:
+def lowest(scores: Sequence[float]) -> int:
     """The position of the lowest score, the earlier one of a tie."""
     return min(range(len(scores)), key=lambda n: (scores[n], n))

@@ -149,17 +149,17 @@ def _extent(file: IO[bytes], entry: zipfile.ZipInfo) -> tuple[int, int]:
 
 
 def _row(pages: mmap.mmap) -> TorchContent | None:
-    said = _Instructions(pages)
-    if said.follow() != _MAGIC or said.follow() != _PROTOCOL:
+    program = _Instructions(pages)
+    if program.follow() != _MAGIC or program.follow() != _PROTOCOL:
         return None
-    system, value, names = (said.follow() for _ in range(3))
+    system, value, names = (program.follow() for _ in range(3))
     if system["little_endian"] is not True:
         return None
-    storages, at = {}, said.at
+    storages, at = {}, program.at
     for name in names:
         _into(name, str)
         begin = at + 8  # behind the number of elements
-        at = begin + int.from_bytes(pages[at:begin], "little") * said.widths[name]
+        at = begin + int.from_bytes(pages[at:begin], "little") * program.widths[name]
         storages[name] = (begin, at)
     return TorchContent(value, storages) if at <= len(pages) else None
 

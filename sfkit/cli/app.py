@@ -93,9 +93,9 @@ def _refuse(message: str, code: int, usage: object = None) -> int:
         return code
     # On one line, however the library broke it.
     sentence = " ".join(message.split()).rstrip(".")
-    said = getattr(getattr(usage, "param", None), "help", None)
-    if sentence.startswith("Missing option") and said:  # what to give, not only that something is wanted
-        sentence = f"{sentence}, expected {said.rstrip('.')}"
+    wanted = getattr(getattr(usage, "param", None), "help", None)
+    if sentence.startswith("Missing option") and wanted:  # what to give, not only that something is wanted
+        sentence = f"{sentence}, expected {wanted.rstrip('.')}"
     context = getattr(usage, "ctx", None)
     if context is not None:
         sentence = f"{sentence.replace('. Did you', '; did you')} ({context.command_path} --help says more)"

@@ -50,11 +50,11 @@ def export(
       sfkit export merged.safetensors --dynamic -l im0.png -r im1.png -o stereo.onnx
     """
     options = ensure_loadable(file, architecture, option)
-    from sfkit.exporting.forms import ENDINGS, Form, check_dynamic, check_size, check_target
+    from sfkit.exporting.forms import ENDINGS, Form, check_dynamic, check_export, check_size
 
     kind = member_of(Form, "format", form)
     out = out if out is not None else file.with_suffix(ENDINGS[kind][0])
-    check_target(out, kind, overwrite=force)
+    check_export(out, kind, overwrite=force)
     places = Places(left=left, right=right)
     places.reads("FILE", file)
     places.claim("--out", out)

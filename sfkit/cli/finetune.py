@@ -33,8 +33,8 @@ def _read(context: typer.Context, path: Path | None) -> Path | None:
     """Make a file's settings the defaults of options, so that what else is said wins."""
     if path is not None:
         stated = TrainingSettings.from_dict(read_toml(path, "expected training settings"), str(path))
-        said = TRAINING.spread(stated) | AUGMENTATION.spread(stated.augmentation)
-        context.default_map = said | dict(context.default_map or {})
+        given = TRAINING.spread(stated) | AUGMENTATION.spread(stated.augmentation)
+        context.default_map = given | dict(context.default_map or {})
     return path
 
 

@@ -21,7 +21,7 @@ class Judge:
     def __init__(self, pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator]) -> None:
         self._pool, self._guides, self._tests = pool, guides, tests
         self.before: dict[str, float] = {}
-        self.said: dict[str, Any] = {}
+        self.document: dict[str, Any] = {}
         self._verdict: SearchVerdict | None = None
 
     def __call__(self, found: SearchResult) -> Mapping[str, Any]:
@@ -36,8 +36,8 @@ class Judge:
                 evaluations=found.evaluations,
                 progress=lambda benchmark, done, total: bars(f"verdict on {benchmark}", done, total),
             )
-        self.said = {"verdict": self._verdict.as_dict()}
-        return self.said
+        self.document = {"verdict": self._verdict.as_dict()}
+        return self.document
 
     @property
     def own(self) -> dict[str, float]:

@@ -176,7 +176,7 @@ def search(
     changes = scorer.changes if isinstance(scorer, CombinedScorer) else None
     metric_name = str(evaluators[0].metric) if changes is None else LABEL
     check = None if found.routing is None else holdout_check(found.routing, metric=evaluators[0].metric.name)
-    document = {**judge.said, **summary(opened, found), "folder": out, "metric": metric_name}
+    document = {**judge.document, **summary(opened, found), "folder": out, "metric": metric_name}
     document |= {"evaluations": judge.before, "verdict_evaluations": judge.own}
     document |= described(guides, combine)
     document |= {"holdout": None if check is None else {**vars(check), "overfit": check.overfit}}

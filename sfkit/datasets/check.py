@@ -152,8 +152,8 @@ def _check_pairs(
         problems += [
             f"{pair.id}: {text}" for text in check_sample.problems(sample, labelled=is_labelled(pair))
         ]
-        said = (*check_sample.warnings(sample), *check_sample.unexplained(sample))
-        warnings += [f"{pair.id}: {text}" for text in said]
+        doubts = (*check_sample.warnings(sample), *check_sample.unexplained(sample))
+        warnings += [f"{pair.id}: {text}" for text in doubts]
         # Digests, not images: a data set does not fit into memory.
         digest = hashlib.sha256(sample.left.tobytes()).digest()
         other = first_with.setdefault(digest, pair.id)

@@ -44,8 +44,8 @@ def check_training_set(name: str, root: Path | str, *, sample: int = SAMPLE) -> 
             problems.append(f"{pair.id}: {error}")
             continue
         problems += [f"{pair.id}: {text}" for text in check_sample.problems(loaded)]
-        said = (*check_sample.warnings(loaded), *check_sample.unexplained(loaded))
-        warnings += [f"{pair.id}: {text}" for text in said]
+        doubts = (*check_sample.warnings(loaded), *check_sample.unexplained(loaded))
+        warnings += [f"{pair.id}: {text}" for text in doubts]
         known = np.isfinite(loaded.disparity)
         if known.any():
             seen = check_ground_truth(loaded.left, loaded.right, loaded.disparity)

@@ -73,9 +73,9 @@ def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
             told = coding_for(files["disparity"], [coding, own.get("coding")])
             pairs.append(StereoPair(folder.name, coding=told, **files))
     note = (f"no pair was recognised in: {', '.join(strange)}",) if strange else ()
-    said = [f"no pair was recognised among the images in: {', '.join(broken)}"] if broken else []
-    said += [f"links that lead nowhere, or in a circle: {', '.join(links)}"] if links else []
-    return PairListing(tuple(pairs), missing, note, tuple(said))
+    notes = [f"no pair was recognised among the images in: {', '.join(broken)}"] if broken else []
+    notes += [f"links that lead nowhere, or in a circle: {', '.join(links)}"] if links else []
+    return PairListing(tuple(pairs), missing, note, tuple(notes))
 
 
 def _has_images(folder: Path) -> bool:

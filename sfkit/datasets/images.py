@@ -167,10 +167,10 @@ def _damage(data: bytes) -> str | None:
     try:
         simplejpeg.decode_jpeg(bare, "GRAY", True, True, min_factor=8)
     except ValueError as error:
-        said = str(error)
-        if (padding := _PADDING.search(said)) and not any(bare[-2 - int(padding[1]) : -2]):
+        message = str(error)
+        if (padding := _PADDING.search(message)) and not any(bare[-2 - int(padding[1]) : -2]):
             return None
-        return said if _LOSSES.search(said) else None
+        return message if _LOSSES.search(message) else None
     return None
 
 

@@ -83,8 +83,8 @@ class StereoVideo:
     @property
     def length(self) -> int | None:
         """Frames that the files announce, the fewer of two; None where they do not say."""
-        said = [_property(path, cv2.CAP_PROP_FRAME_COUNT) for path in (self.left, self.right) if path]
-        return int(min(said)) if min(said) >= 1 else None
+        counts = [_property(path, cv2.CAP_PROP_FRAME_COUNT) for path in (self.left, self.right) if path]
+        return int(min(counts)) if min(counts) >= 1 else None
 
     @property
     def rate(self) -> float:

@@ -64,11 +64,11 @@ def _ensure_scored(
         if name in tensors:
             target.data.copy_(tensors[name])
     found = evaluator.score(Worker(model, evaluator.prepared).as_it_is())
-    said = evaluator.score(held.images)
-    if not math.isclose(found, said, rel_tol=SHARE, abs_tol=LEAST):  # as two infinities are
+    recorded = evaluator.score(held.images)
+    if not math.isclose(found, recorded, rel_tol=SHARE, abs_tol=LEAST):  # as two infinities are
         raise SfkitError(
             f"{path}: scores {found:.4f} {evaluator.metric.unit} on {evaluator.benchmark.name} where the "
-            f"search found {said:.4f}, expected the same: its values are those that were scored, so the "
+            f"search found {recorded:.4f}, expected the same: its values are those that were scored, so the "
             "network does not give the same output twice"
         )
     evaluator.store.mark(key, mark)

@@ -28,8 +28,8 @@ from sfkit.exporting.forms import (
     Form,
     called,
     check_dynamic,
+    check_export,
     check_size,
-    check_target,
     kind_of,
     untried,
 )
@@ -123,7 +123,7 @@ def export_network(
         SfkitError: the network does not export to this format.
     """
     path, form = Path(path), member_of(Form, "format", form)
-    out = check_target(out, form, overwrite=overwrite)
+    out = check_export(out, form, overwrite=overwrite)
     if dynamic:
         check_dynamic(form, size)
     check_size(size, pair)

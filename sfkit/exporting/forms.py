@@ -74,7 +74,7 @@ def called(form: Form, *, dynamic: bool) -> str:
     return f"{form.value}{' with --dynamic' if dynamic else ''}"
 
 
-def check_target(out: str | Path, form: Form, *, overwrite: bool) -> Path:
+def check_export(out: str | Path, form: Form, *, overwrite: bool) -> Path:
     """Refuse a target before any work is done for it.
 
     Raises:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from sfkit.analysis.differences import AdvantagePanels
-from sfkit.colours import ERROR, averaged, embedded, paint, painted_disparity, painted_error, picked
+from sfkit.colours import ERROR, embedded, paint, painted_disparity, painted_error, picked, shrunk
 from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
 from sfkit.figures.theme import finish
 
@@ -53,7 +53,7 @@ def advantage_figure(
     )
     span = ADVANTAGE_SPAN * pair.threshold
     signed = paint(picked(found.difference, resolution), (-span, span), ERROR)
-    photograph = embedded(averaged(pair.left, resolution), photograph=True)
+    photograph = embedded(shrunk(pair.left, resolution), photograph=True)
     add_picture(figure, size, photograph, 1, 1, "left image")
     add_picture(figure, size, embedded(signed), 1, 2, "difference")
     frame_pictures(figure, size)

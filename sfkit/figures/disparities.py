@@ -14,12 +14,12 @@ from sfkit.colours import (
     DISPARITY,
     ERROR,
     ERROR_SPAN,
-    averaged,
     embedded,
     paint,
     painted_disparity,
     painted_error,
     picked,
+    shrunk,
 )
 from sfkit.figures.pictures import add_colour_bar, add_picture, frame_pictures
 from sfkit.figures.theme import finish
@@ -58,7 +58,7 @@ def disparity_figure(
         shared_xaxes="all",
         shared_yaxes="all",
     )
-    photograph = embedded(averaged(panels.left, resolution), photograph=True)
+    photograph = embedded(shrunk(panels.left, resolution), photograph=True)
     add_picture(figure, panels.truth.shape, photograph, 1, 1, "left image")
     add_picture(figure, panels.truth.shape, _compared_with(panels, resolution), 1, 2, second)
     for number, network in enumerate(panels.networks, start=2):
@@ -80,7 +80,7 @@ def disparity_figure(
 
 def _compared_with(panels: DisparityPanels, resolution: int) -> str:
     if panels.right is not None:
-        return embedded(averaged(panels.right, resolution), photograph=True)
+        return embedded(shrunk(panels.right, resolution), photograph=True)
     return embedded(paint(picked(panels.truth, resolution), panels.limits, DISPARITY))
 
 

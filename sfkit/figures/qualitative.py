@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from sfkit.analysis.disparities import DisparityPanels
 from sfkit.analysis.labels import score_text
-from sfkit.colours import averaged, embedded, painted_disparity, picked
+from sfkit.colours import embedded, painted_disparity, picked, shrunk
 from sfkit.errors import InputError
 from sfkit.figures.pictures import BARE, add_picture
 from sfkit.figures.theme import finish
@@ -50,7 +50,7 @@ def qualitative_figure(
     )
     for number, row in enumerate(rows, start=1):
         size = row.truth.shape
-        photograph = embedded(averaged(row.left, resolution), photograph=True)
+        photograph = embedded(shrunk(row.left, resolution), photograph=True)
         add_picture(figure, size, photograph, number, 1, "image")
         for column, one in enumerate(row.networks, start=2):
             painted = embedded(painted_disparity(picked(one.disparity, resolution), row.limits))

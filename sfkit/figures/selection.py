@@ -142,11 +142,11 @@ def rivals_figure(
     figure.update_yaxes(title_text="source", row=1, col=1)
     runs = len(statistics.runs)
     always = [n for n, share in zip(statistics.sources, statistics.frequency, strict=True) if share == 1.0]
-    said = f"chosen by all: {', '.join(always)}" if always else "no source is chosen by all"
+    common = f"chosen by all: {', '.join(always)}" if always else "no source is chosen by all"
     return finish(
         figure,
         theme=theme,
         title="Is any source needed whatever guides?",
-        subtitle=f"{runs} searches; {said}",
+        subtitle=f"{runs} searches; {common}",
         height=height or 26 * len(statistics.sources) + 230,
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 
 from sfkit.files import default_folder
-from sfkit.merging.cache import ensure_room
+from sfkit.merging.cache import ensure_pages
 
 MAPPED_ABOVE = 16 << 20  # bytes; a task vector larger than this lives in a mapped file
 
@@ -27,7 +27,7 @@ def allocate(elements: int, *, mapped: bool, folder: Path | None = None) -> torc
         return torch.zeros(elements, dtype=torch.float32)
     folder = folder or default_folder() / "buffers"
     folder.mkdir(parents=True, exist_ok=True)
-    ensure_room(folder, elements * 4)
+    ensure_pages(folder, elements * 4)
     handle, name = tempfile.mkstemp(dir=folder, suffix=".f32")
     try:
         os.ftruncate(handle, elements * 4)

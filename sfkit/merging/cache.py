@@ -113,7 +113,7 @@ class VectorCache:
         """
         target = self._vector(key, ".f32")
         with writing(target, durable=False) as fresh:
-            ensure_room(target.parent, elements * 4)
+            ensure_pages(target.parent, elements * 4)
             # Sparse: pages take up disk once they are written.
             os.truncate(fresh, elements * 4)
             yield map_file(fresh, elements)
@@ -177,7 +177,7 @@ class VectorCache:
         return self.folder / f"v{VERSION}" / name
 
 
-def ensure_room(folder: Path, size: int) -> None:
+def ensure_pages(folder: Path, size: int) -> None:
     """Refuse before a mapped file outgrows its disk: a write to a page without room ends the process.
 
     Raises:

@@ -147,7 +147,7 @@ def family(folder: Path, base: str | None = None) -> CheckpointFamily:
 
 
 def _family(
-    name: str, members: Sequence[Path], skipped: Mapping[Path, str], said: str | None
+    name: str, members: Sequence[Path], skipped: Mapping[Path, str], stated: str | None
 ) -> CheckpointFamily:
     import numpy as np
 
@@ -166,7 +166,7 @@ def _family(
     named = [path for path in near if any(word in path.stem.lower() for word in BASES)]
     # A base and a fine-tune of which there are further ones may lie alike: then a name says more.
     base = min(named or near, key=lambda path: farthest[path])
-    base = next((path for path in members if path.name == said), base)
+    base = next((path for path in members if path.name == stated), base)
     cosines = {p: float(flat[p] @ flat[base]) / (norms[p] * norms[base]) for p in members}
     return CheckpointFamily(name, base, tuple(p for p in members if p != base), farthest, cosines, skipped)
 

@@ -225,8 +225,8 @@ def published_table(label: str) -> PublishedTable:
     )
     cells = [row[len(keys) :] for row in rows]
     values = pd.DataFrame([[_value(c) for c in row] for row in cells], index=index, columns=list(columns))
-    said = {"*": "best", "_": "second"}
-    found = [[said.get(cell[:1], "") for cell in row] for row in cells]
+    words = {"*": "best", "_": "second"}
+    found = [[words.get(cell[:1], "") for cell in row] for row in cells]
     marks = pd.DataFrame(found, index=index, columns=list(columns))
     return PublishedTable(label, about, values, marks)
 

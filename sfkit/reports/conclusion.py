@@ -45,8 +45,8 @@ def take_conclusion(notebook: NotebookNode) -> Conclusion | None:
     found = None
     for cell in notebook.cells:
         for output in list(cell.get("outputs", [])):
-            said = output.get("data", {}).get(MIME)
-            if isinstance(said, dict) and isinstance(said.get("title"), str):
-                found = Conclusion(said["title"], tuple(map(str, said.get("sentences", ()))))
+            stated = output.get("data", {}).get(MIME)
+            if isinstance(stated, dict) and isinstance(stated.get("title"), str):
+                found = Conclusion(stated["title"], tuple(map(str, stated.get("sentences", ()))))
                 cell.outputs.remove(output)
     return found

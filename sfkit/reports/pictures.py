@@ -108,9 +108,9 @@ def _drawn(browser: Path, figures: list[dict[str, Any]], kind: str) -> list[byte
         raise SfkitError(f"figures: {browser} could not draw one of them ({html.unescape(found[1])})")
     pictures = [_content(html.unescape(uri)) for uri in re.findall(r'<pre class="picture">(.*?)</pre>', dom)]
     if len(pictures) != len(figures):
-        said = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no message"]
+        lines = done.stderr.decode("utf-8", "replace").strip().splitlines()[-1:] or ["no message"]
         count = f"{len(pictures)} of {len(figures)}"
-        raise SfkitError(f"figures: {browser} drew {count} (exit code {done.returncode}: {said[0]})")
+        raise SfkitError(f"figures: {browser} drew {count} (exit code {done.returncode}: {lines[0]})")
     return pictures
 
 

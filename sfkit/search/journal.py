@@ -156,10 +156,10 @@ class JournalledSearch:
         """Read what viewers do, so that a record of another form is told here."""
         names = (*self.sources, *self.blocks)
         # Reading is the check: each property raises where its record is of another form.
-        said: tuple[object, ...] = (self.reason, self.generation, self.started, self.written)
-        said += (self.counts, self.candidates, self.best)
+        facts: tuple[object, ...] = (self.reason, self.generation, self.started, self.written)
+        facts += (self.counts, self.candidates, self.best)
         numbers = [float(value) for value in self.counts.values()]
-        if not (all(isinstance(name, str) for name in names) and said and len(numbers) >= 0):
+        if not (all(isinstance(name, str) for name in names) and facts and len(numbers) >= 0):
             raise TypeError("sources and blocks must be texts")
 
     @classmethod

@@ -35,7 +35,7 @@ from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.outside import parse_json
 from sfkit.training.loop import Course, Listener, TrainingTask, train
 from sfkit.training.places import TRAINED, training_folder
-from sfkit.training.recipes import TrainingRecipe, recipe_of
+from sfkit.training.recipes import TrainingRecipe, training_recipe
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
 
@@ -129,7 +129,7 @@ def finetune(
     out = check_target(out, form, overwrite=overwrite)
     start = starting_point(base, name=name, options=options, seed=settings.seed)
     entry, network = start.entry, start.network
-    recipe = recipe_of(network, settings.limit)
+    recipe = training_recipe(network, settings.limit)
     for key, parameter in network.named_parameters():
         parameter.requires_grad_(
             not (entry.is_frozen(key) or any(fnmatchcase(key, dead) for dead in entry.dead))
@@ -172,7 +172,7 @@ def intended(
     start: StartingPoint, data: TrainingSet, *, settings: TrainingSettings, licence: str = ""
 ) -> dict[str, Any]:
     """What a source of :func:`finetune` from there will say about itself; nothing is trained."""
-    return _made(start, data, settings, recipe_of(start.network, settings.limit), licence)
+    return _made(start, data, settings, training_recipe(start.network, settings.limit), licence)
 
 
 def _made(

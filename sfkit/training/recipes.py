@@ -44,7 +44,7 @@ class TrainingRecipe:
     groups: Callable[[nn.Module, float, float], Groups]
 
 
-def recipe_of(network: nn.Module, limit: float | None = None) -> TrainingRecipe:
+def training_recipe(network: nn.Module, limit: float | None = None) -> TrainingRecipe:
     """How a network is fine-tuned: the embedded ones as their authors do, with smooth L1 as the distance.
 
     Any other learns by its own ``loss(left, right, truth)``, the mean over the known pixels of a batch, or

@@ -21,7 +21,7 @@ from sfkit.merging.network import load_network
 from sfkit.training import Augmentation
 from sfkit.training.finetune import finetune, starting_point
 from sfkit.training.objectives import FoundationStereoObjective
-from sfkit.training.recipes import recipe_of
+from sfkit.training.recipes import training_recipe
 
 
 def test_nmrfs_objective_is_its_own_loss_with_smooth_l1() -> None:
@@ -33,7 +33,7 @@ def test_nmrfs_objective_is_its_own_loss_with_smooth_l1() -> None:
     left, right = torch.rand(2, 3, 64, 96) * 255, torch.rand(2, 3, 64, 96) * 255
     truth = torch.rand(2, 64, 96) * 40
     truth[0, :20], truth[1, 50:] = torch.nan, torch.nan
-    objective = recipe_of(network).objective
+    objective = training_recipe(network).objective
     with torch.no_grad():
         total = (objective.sums(network, left, right, truth) / objective.counts(truth)).sum()
         whole = losses(network.estimate(left, right), truth, smooth=True).total()
@@ -46,7 +46,7 @@ def test_nmrfs_objective_is_its_own_loss_with_smooth_l1() -> None:
 
 def test_nmrfs_groups_keep_a_peak_of_their_own() -> None:
     network = architecture("nmrf-swint").build()
-    groups = recipe_of(network).groups(network, 2e-4, 1e-5)
+    groups = training_recipe(network).groups(network, 2e-4, 1e-5)
     assert {round(group["lr"], 9) for group in groups} == {2e-4, 2e-5}
 
 

@@ -19,7 +19,7 @@ from sfkit.training import Augmentation, TrainingSettings
 from sfkit.training.augment import augment
 from sfkit.training.batches import changes, draw
 from sfkit.training.loop import one_cycle
-from sfkit.training.recipes import recipe_of
+from sfkit.training.recipes import training_recipe
 
 
 @pytest.mark.parametrize(("steps", "warm_up"), [(40, 0.05), (100, 0.3), (1000, 0.01)])
@@ -116,7 +116,7 @@ def test_anynets_objective_is_its_stage_weighted_smooth_l1() -> None:
     left, right = torch.rand(2, 3, 32, 64), torch.rand(2, 3, 32, 64)
     truth = torch.rand(2, 32, 64) * 8
     truth[0, :9] = torch.nan
-    objective = recipe_of(network).objective
+    objective = training_recipe(network).objective
     sums, count = objective.sums(network, left, right, truth), objective.counts(truth)
     known = torch.isfinite(truth)
     expected = sum(
@@ -130,7 +130,7 @@ def test_anynets_objective_is_its_stage_weighted_smooth_l1() -> None:
 def test_a_batch_without_truth_still_reaches_every_parameter() -> None:
     network = architecture("anynet").build(ranges=[2, 2, 2], spn=False)
     truth = torch.full((1, 32, 64), torch.nan)
-    sums = recipe_of(network).objective.sums(
+    sums = training_recipe(network).objective.sums(
         network, torch.rand(1, 3, 32, 64), torch.rand(1, 3, 32, 64), truth
     )
     sums.sum().backward()
@@ -161,7 +161,7 @@ def test_any_network_learns_by_smooth_l1_on_its_output_or_by_its_own_loss() -> N
     image, truth = torch.zeros(1, 3, 4, 4), torch.full((1, 4, 4), 5.0)
     truth[0, 0] = torch.nan
     for network, expected in ((Plain(), 1.5), (Own(), 4.0)):  # |3 - 5| - 0.5, and (3 - 5)^2
-        objective = recipe_of(network).objective
+        objective = training_recipe(network).objective
         value = objective.sums(network, image, image, truth) / objective.counts(truth)
         assert float(value.detach()) == pytest.approx(expected)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sfkit.analysis.differences import advantage
 from sfkit.analysis.disparities import DisparityPanels, NetworkMaps
 from sfkit.analysis.labels import score_text
-from sfkit.colours import DISPARITY, ERROR, averaged, paint, painted_disparity, painted_error, picked
+from sfkit.colours import DISPARITY, ERROR, paint, painted_disparity, painted_error, picked, shrunk
 from sfkit.figures.differences import ADVANTAGE_SPAN
 from sfkit_widgets._sheet import MARGIN, MUTED, Sheet
 from sfkit_widgets._still_sheets import INNER, pictures
@@ -35,7 +35,7 @@ def compare_sheet(panels: DisparityPanels, shown: str, first: str) -> Sheet:
     )
     sheet.text(MARGIN, sheet.y + 12, words, size=12, colour=MUTED, room=INNER)
     sheet.y += 20
-    seen = [("left image", averaged(panels.left, LONGEST)), _second(panels)]
+    seen = [("left image", shrunk(panels.left, LONGEST)), _second(panels)]
     seen += [_network(panels, network, shown, first) for network in panels.networks]
     coded = [(caption, _coded(picture)) for caption, picture in seen]
     pictures(sheet, coded, panels.truth.shape, columns=3 if len(seen) > 4 else 2)
@@ -44,7 +44,7 @@ def compare_sheet(panels: DisparityPanels, shown: str, first: str) -> Sheet:
 
 def _second(panels: DisparityPanels) -> tuple[str, Picture]:
     if panels.right is not None:
-        return "right image", averaged(panels.right, LONGEST)
+        return "right image", shrunk(panels.right, LONGEST)
     return "ground truth", paint(picked(panels.truth, LONGEST), panels.limits, DISPARITY)
 
 

@@ -14,12 +14,12 @@ from sfkit.colours import (
     ERROR_SPAN,
     SHARE,
     Stops,
-    averaged,
     colour_at,
     painted_disparity,
     painted_error,
     picked,
     share_position,
+    shrunk,
     text_on,
 )
 
@@ -35,7 +35,7 @@ _SHADES = 101
 
 def photograph(image: PICTURE) -> bytes:
     """An RGB image (H, W, 3) as JPEG."""
-    return _coded(averaged(image, LONGEST)[..., ::-1])
+    return _coded(shrunk(image, LONGEST)[..., ::-1])
 
 
 def disparity_picture(disparity: NDArray[np.floating[Any]], limits: tuple[float, float]) -> bytes:
