@@ -11,6 +11,7 @@ that an interrupted run goes on.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,16 +19,15 @@ import pandas as pd
 import torch
 from kept import RUNS
 from processes import answered
-from tabulated import markdown_lines
+from tabulated import markdown
 
 import sfkit
 from sfkit import bank
 from sfkit.analysis.measured import Measured, measure_with
 from sfkit.analysis.retraining import JOINT, retraining_against_merging
 from sfkit.bank.plan import BANKS, bank_plan
-from sfkit.bank.sharp import JOINT as OWN_JOINT
 from sfkit.checkpoints.spec import Member
-from sfkit.datasets.synthetic.domains import BASE
+from sfkit.evaluation.outcome import total_known
 from sfkit.files import write_text
 from sfkit.merging import open_pool
 from sfkit.search import RoutingSettings, SubsetSettings
@@ -38,7 +38,16 @@ FOLDER = RUNS / "teaser"
 UNIFORM = "uniform"
 
 
-def teaser(name: str, joint: Path, seconds: float, plan: SearchPlan, guides: int, tests: int) -> pd.DataFrame:
+def teaser(
+    name: str,
+    joint: Path,
+    seconds: float,
+    plan: SearchPlan,
+    guides: int,
+    tests: int,
+    *,
+    joint_cpu: float | None = None,
+) -> pd.DataFrame:
     """A row a way to one network: its mean on the unseen worlds, and on each; and what it takes.
 
     Args:
@@ -48,6 +57,7 @@ def teaser(name: str, joint: Path, seconds: float, plan: SearchPlan, guides: int
         plan: of the search.
         guides: pairs of the validation world that guide it.
         tests: pairs of each other world; all of them where there are fewer.
+        joint_cpu: CPU seconds of that training, where they are known.
     """
     pool, of = open_pool(name), bank_plan(name).benchmarks
     retrained = open_pool(replace(pool.spec, sources=(Member("joint", joint),)))
@@ -63,10 +73,15 @@ def teaser(name: str, joint: Path, seconds: float, plan: SearchPlan, guides: int
     measured = [
         replace(one, images={**other.images, **one.images}) for one, other in zip(merged, alone, strict=True)
     ]
-    training = max(bank.training_seconds(name).values())
-    spent = {JOINT: seconds, UNIFORM: training}
-    spent |= {stage: training + _searching(found, stage) for stage in found.stages}
-    table = retraining_against_merging(measured, JOINT, spent).table()
+    training, worked = (bank.training_seconds(name, cpu=cpu) for cpu in (False, True))
+    longest = max(training, key=lambda source: training[source])
+    spent = {JOINT: seconds, UNIFORM: training[longest]}
+    cpu: dict[str, float | None] = {JOINT: joint_cpu, UNIFORM: worked[longest]}
+    for stage in found.stages:
+        wall, processors = _searching(found, stage)
+        spent[stage] = training[longest] + wall
+        cpu[stage] = total_known([worked[longest], processors])
+    table = retraining_against_merging(measured, JOINT, spent, cpu_seconds=cpu).table()
     return table.join(_by_world(measured)).reset_index()
 
 
@@ -75,14 +90,16 @@ def _by_world(measured: list[Measured]) -> pd.DataFrame:
     return pd.DataFrame(scores).rename_axis("way")
 
 
-def _searching(found: SearchResult, stage: str) -> float:
-    """Wall seconds of the evaluations that finding it took, when they were computed."""
+def _searching(found: SearchResult, stage: str) -> tuple[float, float | None]:
+    """Wall and CPU seconds of the evaluations that finding it took, when they were computed."""
     files = ["stage1.csv"] if stage == "Stage 1" else ["stage1.csv", "stage2.csv"]
     rows = pd.concat([pd.read_csv(found.folder / name) for name in files])
-    spent = dict(zip(rows["key"], rows["seconds"], strict=True))
+    columns = rows["key"], rows["seconds"], rows["cpu_seconds"]
+    spent = {key: (wall, None if cpu != cpu else cpu) for key, wall, cpu in zip(*columns, strict=True)}
     if found.averaged is not None and stage not in ("Stage 1", "Stage 1+2"):
-        spent[found.averaged.outcome.key] = found.averaged.outcome.seconds
-    return float(sum(spent.values()))
+        last = found.averaged.outcome
+        spent[last.key] = last.seconds, last.cpu_seconds
+    return math.fsum(wall for wall, _ in spent.values()), total_known(cpu for _, cpu in spent.values())
 
 
 def measure(
@@ -105,14 +122,16 @@ def measure(
     if (joint is None) != (seconds is None):
         raise SystemExit("expected both of --joint and --seconds, or none: a time belongs to its network")
     torch.set_num_threads(1)  # as trainings were timed
+    joint_cpu = None
     if joint is None or seconds is None:
         joint, seconds = bank.joint_path(pool), bank.joint_training(pool)[1]
+        joint_cpu = bank.joint_training(pool, cpu=True)[1]
     plan = SearchPlan(
         stage1=SubsetSettings(population=population, generations=generations, seed=seed),
         stage2=RoutingSettings(evaluations=evaluations, seed=seed),
         resamples=resamples,
     )
-    table = teaser(pool, joint, seconds, plan, pairs, tests)
+    table = teaser(pool, joint, seconds, plan, pairs, tests, joint_cpu=joint_cpu)
     write_text(FOLDER / f"{pool}.csv", table.to_csv(index=False))
     return table
 
@@ -133,22 +152,13 @@ def section() -> str:
 HEAD = """## Retraining on the union of all data, or merging
 
 `python benchmarks/teaser.py --pool NAME`: the paper's figure 1. bad-3.0 in percent, lower is better, on three
-worlds that guided nothing. Seconds are what it takes once a new source's data are there, on the clock of one
-thread: the whole joint training, or the longest fine-tuning and the search's evaluations."""
+worlds that guided nothing. Seconds are what it takes once a new source's data are there, in one thread: the
+whole joint training, or the longest fine-tuning and the search's evaluations. Shares are of wall seconds by
+wall seconds; the bank's trainings ran on a machine that did other work, so look at the CPU seconds too."""
 
 
 def _table(name: str, frame: pd.DataFrame) -> str:
-    rows = [[row[0], *(f"{value:.2f}" for value in row[1:])] for row in frame.itertuples(index=False)]
-    spent = {network: float(entry["cpu_seconds"]) for network, entry in bank.trainings(name).items()}
-    table = f"### `{name}`\n\n{markdown_lines(list(frame.columns), rows)}"
-    if OWN_JOINT not in spent:  # a joint network of one's own, whose seconds were given
-        return table
-    longest = max(value for network, value in spent.items() if network not in (BASE.name, OWN_JOINT))
-    clock = (
-        f"The machine did other work meanwhile: of a processor joint training took "
-        f"{spent[OWN_JOINT]:,.0f} s, the longest fine-tuning {longest:,.0f} s."
-    )
-    return f"{table}\n\n{clock}"
+    return f"### `{name}`\n\n{markdown(frame.set_index('way'))}"
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ def measure() -> Path:
         "generations": setting.GENERATIONS,
         "evaluations": setting.EVALUATIONS,
         "seeds": setting.SEEDS,
-        "methods": [*setting.METHODS, *setting.STAGES],
+        "resamples": setting.RESAMPLES,
     }
     given = [w for name, value in values.items() for w in ("-p", name, _text(value))]
     sfkit("report", "report", *given, "-p", "out", str(out), "-o", str(out / "report.html"))
@@ -41,7 +41,7 @@ def section() -> str:
 
 The other tables of the report that the section above begins, `sfkit report` on the pool `{setting.POOL}`:
 {setting.GUIDES} pairs of courtyard guide, {setting.TESTS} pairs each of three other worlds test;
-M = {setting.POPULATION}, T = {setting.GENERATIONS}, {setting.EVALUATIONS} evaluations of Stage 2, seed 0.
+M = {setting.POPULATION}, T = {setting.GENERATIONS}, {setting.EVALUATIONS} evaluations of Stage 2.
 
 As many sources as the search chose, picked by the likeness of their data to each target (the paper's data-set
 combinations), against what the search found:

@@ -33,7 +33,8 @@ def section() -> str:
     return f"""## Demo on the embedded bank
 
 `sfkit demo` on `{MAIN.name}` from an empty store: {found["evaluations"]} evaluations,
-{found["forward_passes"]:,} forward passes, {found["seconds"]:.0f} s with its report, {took.seconds:.0f} s
+{found["forward_passes"]:,} forward passes, {found["seconds"]:.0f} s with its report
+({found["cpu_seconds"]:.0f} s of CPU, all its processes together), {took.seconds:.0f} s
 from the command's start to its end. Its processes, at most {took.processes} at once, held at most
 {held} together, pages that they share counted in each. Stage 1 chose
 {", ".join(found["subset"])}. `*` marks the column that guided the search (its first 8 pairs); the other

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
 from sfkit.errors import InputError
+from sfkit.evaluation.outcome import total_known
 from sfkit.search.records import Counts
 
 
@@ -24,6 +26,8 @@ class StageCost:
         failed: of the computed and cached ones, those without a finite score.
         seconds: evaluation time spent now.
         seconds_saved: what the cached ones took when they were computed.
+        cpu_seconds: what the computed ones took of processors; None where nobody measured that.
+        cpu_seconds_saved: the same of the cached ones.
     """
 
     stage: str
@@ -33,6 +37,8 @@ class StageCost:
     failed: int
     seconds: float
     seconds_saved: float
+    cpu_seconds: float | None = None
+    cpu_seconds_saved: float | None = None
 
     @property
     def candidates(self) -> int:
@@ -58,19 +64,23 @@ def stage_costs(stages: Mapping[str, Counts]) -> tuple[StageCost, ...]:
             failed=counts.failed,
             seconds=counts.seconds,
             seconds_saved=counts.seconds_saved,
+            cpu_seconds=counts.cpu_seconds,
+            cpu_seconds_saved=counts.cpu_seconds_saved,
         )
         for name, counts in stages.items()
     )
 
 
 def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
-    """A row a stage and their total: candidates, evaluations by origin, seconds."""
+    """A row a stage and their total: candidates, evaluations by origin, seconds (NaN: unknown)."""
     numbers = ("computed", "cached", "repeated", "failed")
     total = StageCost(
         "total",
         **{name: sum(getattr(cost, name) for cost in costs) for name in numbers},
         seconds=math.fsum(cost.seconds for cost in costs),
         seconds_saved=math.fsum(cost.seconds_saved for cost in costs),
+        cpu_seconds=total_known(cost.cpu_seconds for cost in costs),
+        cpu_seconds_saved=total_known(cost.cpu_seconds_saved for cost in costs),
     )
     rows = [
         {
@@ -80,8 +90,10 @@ def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
             "from the store": cost.cached,
             "repeated": cost.repeated,
             "failed": cost.failed,
-            "seconds spent": cost.seconds,
-            "seconds saved": cost.seconds_saved,
+            "wall seconds spent": cost.seconds,
+            "CPU seconds spent": or_unknown(cost.cpu_seconds),
+            "wall seconds saved": cost.seconds_saved,
+            "CPU seconds saved": or_unknown(cost.cpu_seconds_saved),
         }
         for cost in (*costs, total)
     ]
@@ -98,6 +110,7 @@ class MethodCost:
         image_passes: forward passes over one pair each.
         seconds: their wall time, that of evaluations from the store as it was when they were computed.
         runs: how many runs, such as from several seeds, these are the sums of.
+        cpu_seconds: what all that took of processors; None where nobody measured one of its evaluations.
     """
 
     method: str
@@ -105,6 +118,7 @@ class MethodCost:
     image_passes: int
     seconds: float
     runs: int = 1
+    cpu_seconds: float | None = None
 
 
 def check_seconds(training: Mapping[str, float], joint: float | None) -> None:
@@ -142,36 +156,50 @@ class Overhead:
     Attributes:
         costs: of the methods.
         trainings: ``TUNING``, after ``JOINT`` where that was done -> wall seconds.
+        worked: the same in CPU seconds, of those where that is known.
     """
 
     costs: tuple[MethodCost, ...]
     trainings: Mapping[str, float]
+    worked: Mapping[str, float] = field(default_factory=dict)
 
     def share(self, cost: MethodCost, training: str) -> float:
         """A method's wall time in percent of a training's."""
         return 100.0 * cost.seconds / self.trainings[training]
 
     def table(self) -> pd.DataFrame:
-        """A row a training, then a row a method: evaluations, image passes, wall seconds, percent of each."""
+        """A row a training, then a row a method: evaluations, image passes, seconds, percent of each.
+
+        Percentages are of wall seconds; CPU seconds stand beside them and are divided by nothing.
+        """
         shares = {label: name for name, label in _SHARES.items() if name in self.trainings}
-        rows = [{"method": name, "wall seconds": seconds} for name, seconds in self.trainings.items()] + [
+        rows = [
+            {"method": name, "wall seconds": seconds, "CPU seconds": self.worked.get(name, math.nan)}
+            for name, seconds in self.trainings.items()
+        ] + [
             {
                 "method": cost.method,
                 "evaluations": cost.evaluations,
                 "image passes": cost.image_passes,
                 "wall seconds": cost.seconds,
+                "CPU seconds": or_unknown(cost.cpu_seconds),
                 **{label: self.share(cost, name) for label, name in shares.items()},
             }
             for cost in self.costs
         ]
-        columns = ["method", "evaluations", "image passes", "wall seconds", *shares]
+        columns = ["method", "evaluations", "image passes", "wall seconds", "CPU seconds", *shares]
         table = pd.DataFrame(rows, columns=columns).set_index("method")
         # A training's row has no evaluations, which would turn the others into fractions.
         return table.astype({"evaluations": "Int64", "image passes": "Int64"})
 
 
 def overhead(
-    costs: Sequence[MethodCost], training: Mapping[str, float], joint: float | None = None
+    costs: Sequence[MethodCost],
+    training: Mapping[str, float],
+    joint: float | None = None,
+    *,
+    training_cpu: Mapping[str, float] | None = None,
+    joint_cpu: float | None = None,
 ) -> Overhead:
     """What methods cost beside the fine-tuning of their sources, as in the paper's table of costs.
 
@@ -183,6 +211,8 @@ def overhead(
         training: source -> wall seconds its fine-tuning took, such as ``sfkit.bank.training_seconds()``; on
             the same kind of machine as the methods' wall seconds, or the overhead means nothing.
         joint: wall seconds of one training on all sources' data, where that was done.
+        training_cpu: source -> CPU seconds of its fine-tuning, where that is known of all.
+        joint_cpu: CPU seconds of that joint training, where they are known.
 
     Raises:
         InputError: no training, or one without a positive time.
@@ -191,11 +221,21 @@ def overhead(
         raise InputError("cost: found no training, expected positive seconds for each source")
     check_seconds(training, joint)
     trainings = {} if joint is None else {JOINT: joint}
-    return Overhead(tuple(costs), {**trainings, TUNING: math.fsum(training.values())})
+    tuned = total_known((training_cpu or {}).get(source) for source in training)
+    worked = {name: value for name, value in ((JOINT, joint_cpu), (TUNING, tuned)) if value is not None}
+    return Overhead(tuple(costs), {**trainings, TUNING: math.fsum(training.values())}, worked)
 
 
 def overhead_table(
-    costs: Sequence[MethodCost], training: Mapping[str, float], joint: float | None = None
+    costs: Sequence[MethodCost],
+    training: Mapping[str, float],
+    joint: float | None = None,
+    **cpu: Any,
 ) -> pd.DataFrame:
     """The table of :func:`overhead`, with its arguments and errors."""
-    return overhead(costs, training, joint).table()
+    return overhead(costs, training, joint, **cpu).table()
+
+
+def or_unknown(value: float | None) -> float:
+    """A number for a table; NaN, which tables show as a dash, where it is not known."""
+    return math.nan if value is None else value

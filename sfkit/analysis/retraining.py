@@ -9,13 +9,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from sfkit.analysis.costs import JOINT
+from sfkit.analysis.costs import JOINT, or_unknown
 from sfkit.analysis.labels import points
 from sfkit.analysis.measured import Measured
 from sfkit.analysis.paired import common_unit
 from sfkit.analysis.study import UNIFORM, Study
 from sfkit.checkpoints.spec import Member
 from sfkit.errors import InputError, ensure_known
+from sfkit.evaluation.outcome import total_known
 from sfkit.merging.opening import open_pool
 from sfkit.merging.pool import Pool
 
@@ -29,12 +30,14 @@ class Way:
         score: mean over the benchmarks, lower is better.
         seconds: what it takes when data of a new source come in and all else is there; NaN where not known.
         joint: True for the network that was trained on the union of all data.
+        cpu_seconds: the same of processors; NaN where not known.
     """
 
     name: str
     score: float
     seconds: float
     joint: bool = False
+    cpu_seconds: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -52,14 +55,15 @@ class Retraining:
     unit: str
 
     def table(self) -> pd.DataFrame:
-        """A row a way: its mean, how it differs from joint retraining, its seconds and their share."""
+        """A row a way: its mean, how it differs from joint retraining, its seconds, the share of wall."""
         joint = self.ways[0]
         rows = [
             {
                 "way": way.name,
                 f"mean ({self.unit})": way.score,
                 f"to joint retraining ({points(self.unit)})": way.score - joint.score,
-                "seconds": way.seconds,
+                "wall seconds": way.seconds,
+                "CPU seconds": way.cpu_seconds,
                 "of joint retraining (%)": 100.0 * way.seconds / joint.seconds,
             }
             for way in self.ways
@@ -73,6 +77,7 @@ def retraining_against_merging(
     seconds: Mapping[str, float],
     *,
     others: Sequence[str] = (),
+    cpu_seconds: Mapping[str, float | None] | None = None,
 ) -> Retraining:
     """A network trained on all data at once beside networks that were merged.
 
@@ -82,6 +87,7 @@ def retraining_against_merging(
         seconds: network -> what it takes once a new source's data are there: for ``joint`` the whole
             training, for a merge the new source's fine-tuning and the search; on one kind of machine.
         others: the merged networks; all of ``seconds`` but ``joint`` unless given.
+        cpu_seconds: network -> the same of processors, where that is known.
 
     Raises:
         InputError: no benchmark, a network that was not measured, no positive time of ``joint``, or metrics
@@ -100,6 +106,7 @@ def retraining_against_merging(
             math.fsum(one.score(name) for one in measured) / len(measured),
             seconds.get(name, math.nan),
             name == joint,
+            or_unknown((cpu_seconds or {}).get(name)),
         )
         for name in names
     )
@@ -133,7 +140,13 @@ def open_joint(pool: Pool, file: str | Path, seconds: float | None, training: Ma
 
 
 def study_against_joint(
-    study: Study, joint: Pool, seconds: float, training: Mapping[str, float]
+    study: Study,
+    joint: Pool,
+    seconds: float,
+    training: Mapping[str, float],
+    *,
+    training_cpu: Mapping[str, float] | None = None,
+    joint_cpu: float | None = None,
 ) -> Retraining:
     """A study's recommended network and its equal mixture beside one trained on all sources' data at once.
 
@@ -145,6 +158,8 @@ def study_against_joint(
         joint: that network, from :func:`open_joint`.
         seconds: its training's, on the machine the fine-tunings were timed on.
         training: source -> seconds its fine-tuning took.
+        training_cpu: source -> CPU seconds of that, where they are known.
+        joint_cpu: CPU seconds of the joint training, where they are known.
 
     Raises:
         InputError: as :func:`retraining_against_merging`.
@@ -156,6 +171,8 @@ def study_against_joint(
         chosen: (study.result.pool, study.result.recipe),
     }
     measured = [one for one in study.experiment.measured(networks) if not one.validation]
-    new = max(training.values())
+    longest = max(training, key=lambda source: training[source])
+    new, worked = training[longest], (training_cpu or {}).get(longest)
     spent = {JOINT: seconds, UNIFORM: new, chosen: new + study.result.seconds}
-    return retraining_against_merging(measured, JOINT, spent)
+    cpu = {JOINT: joint_cpu, UNIFORM: worked, chosen: total_known([worked, study.result.cpu_seconds])}
+    return retraining_against_merging(measured, JOINT, spent, cpu_seconds=cpu)

@@ -95,7 +95,10 @@ def parallel_axes(routes: Sequence[RoutedCandidate]) -> ParallelAxes:
     )
 
 
-COLUMNS = ("run", "stage", "state", "metric", "best", "subset", "evaluations", "from store", "seconds")
+COLUMNS = (
+    *("run", "stage", "state", "metric", "best", "subset", "evaluations", "from store"),
+    *("wall seconds", "CPU seconds"),
+)
 """Of the table of all searches."""
 
 
@@ -103,7 +106,7 @@ def run_cells(folder: str, metric: str, stage: StageOverview) -> list[tuple[str,
     """A row of the table: what each cell says, and what its column is sorted by; infinite where unknown."""
     run = stage.run
     score = ("none yet", math.inf) if run.score is None else (f"{run.score:.4f}", run.score)
-    counts = [(f"{run.counts[name]:.0f}", run.counts[name]) for name in ("distinct", "cached", "seconds")]
+    counts = [_counted(run.counts.get(name)) for name in ("distinct", "cached", "seconds", "cpu_seconds")]
     return [
         (folder, folder),
         (run.stage, run.stage),
@@ -113,6 +116,10 @@ def run_cells(folder: str, metric: str, stage: StageOverview) -> list[tuple[str,
         (", ".join(run.subset), len(run.subset)),
         *counts,
     ]
+
+
+def _counted(value: float | None) -> tuple[str, float]:
+    return ("–", math.inf) if value is None else (f"{value:.0f}", value)
 
 
 def overviews(runs: Sequence[Run]) -> tuple[tuple[RunOverview, ...], dict[str, str]]:

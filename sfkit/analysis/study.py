@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from sfkit.analysis.comparisons import NetworkComparison, mean_of
-from sfkit.analysis.costs import MethodCost, Overhead, overhead
+from sfkit.analysis.costs import MethodCost, Overhead, or_unknown, overhead
 from sfkit.analysis.experiment import Experiment
 from sfkit.analysis.headed import MEAN, UNSEEN, with_means
 from sfkit.analysis.labels import Judgement, points
@@ -21,6 +21,7 @@ from sfkit.analysis.tables import source_table
 from sfkit.analysis.verdict import Verdict
 from sfkit.baselines import BaselineResult, BaselineRun
 from sfkit.editing import SeenByHand
+from sfkit.evaluation.outcome import total_known
 
 AVERAGE = "averaged"
 """The method whose network the verdict prefers, where it was run."""
@@ -53,6 +54,7 @@ def costs_of(runs: Mapping[str, BaselineResult]) -> tuple[MethodCost, ...]:
             sum(one.image_passes for one in found.values()),
             math.fsum(one.seconds for one in found.values()),
             len(found),
+            total_known(one.cpu_seconds for one in found.values()),
         )
         for label, found in methods.items()
     )
@@ -240,7 +242,7 @@ class Study:
         return pd.concat([table, means.T]).rename_axis("benchmark")
 
     def cost_table(self) -> pd.DataFrame:
-        """What each method took to choose among its runs: validation evaluations, image pairs, wall seconds.
+        """What each method took to choose among its runs: validation evaluations, image pairs, seconds.
 
         Runs from several seeds are summed, since all were needed to choose among them. Each method stands for
         itself: what two share is in both rows, and what the store saved is counted.
@@ -256,6 +258,7 @@ class Study:
                 "evaluations": cost.evaluations,
                 "image passes": cost.image_passes,
                 "wall seconds": cost.seconds,
+                "CPU seconds": or_unknown(cost.cpu_seconds),
                 "chosen": chosen[cost.method],
             }
             for cost in self.costs()
@@ -266,16 +269,18 @@ class Study:
         """What each method took, all its runs together, for tables and figures."""
         return costs_of(self.runs)
 
-    def overhead(self, training: Mapping[str, float], joint: float | None = None) -> Overhead:
+    def overhead(self, training: Mapping[str, float], joint: float | None = None, **cpu: Any) -> Overhead:
         """What each method took beside the fine-tuning of the sources, and beside joint retraining.
 
         Args and errors as :func:`~sfkit.analysis.costs.overhead`.
         """
-        return overhead(self.costs(), training, joint)
+        return overhead(self.costs(), training, joint, **cpu)
 
-    def overhead_table(self, training: Mapping[str, float], joint: float | None = None) -> pd.DataFrame:
+    def overhead_table(
+        self, training: Mapping[str, float], joint: float | None = None, **cpu: Any
+    ) -> pd.DataFrame:
         """The table of :meth:`overhead`: the paper's table of costs."""
-        return self.overhead(training, joint).table()
+        return self.overhead(training, joint, **cpu).table()
 
 
 def _word(found: Difference | None) -> str:

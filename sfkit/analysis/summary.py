@@ -154,9 +154,10 @@ def _cost(study: Study) -> Iterator[str]:
     costs = study.costs()
     own = next(cost for cost in costs if cost.method == study.result.label)
     runs = f" in {own.runs} runs" if own.runs > 1 else ""
+    worked = "" if own.cpu_seconds is None else f" ({_time(own.cpu_seconds)} of CPU time)"
     yield (
         f"Finding it took {own.evaluations:,} evaluations, {own.image_passes:,} image pairs through "
-        f"the network and {_time(own.seconds)} of wall time{runs}, and all it was chosen among "
+        f"the network and {_time(own.seconds)} of wall time{worked}{runs}, and all it was chosen among "
         f"{sum(cost.evaluations for cost in costs):,} at most; the merged network costs what the base costs."
     )
 

@@ -68,7 +68,13 @@ def compare_methods(
 def method_costs(run: BaselineRun) -> tuple[MethodCost, ...]:
     """What each method of a run took, each for itself."""
     return tuple(
-        MethodCost(result.label, result.evaluations, result.image_passes, result.seconds)
+        MethodCost(
+            result.label,
+            result.evaluations,
+            result.image_passes,
+            result.seconds,
+            cpu_seconds=result.cpu_seconds,
+        )
         for result in run.results.values()
     )
 

@@ -6,6 +6,7 @@ and computed in a second process meanwhile, so that both cores of a small machin
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 import time
@@ -71,6 +72,7 @@ class Demo:
         forward_passes: image pairs that went through a network.
         evaluations: recipes that were scored, on any benchmark, without those found in the store.
         seconds: wall time of everything.
+        cpu_seconds: what this process and those it started took of processors meanwhile.
         merged: the merged network.
         report: the report; None where it was left out.
         scores: the table as CSV.
@@ -83,6 +85,7 @@ class Demo:
     forward_passes: int
     evaluations: int
     seconds: float
+    cpu_seconds: float
     merged: Path
     report: Path | None
     scores: Path
@@ -110,7 +113,7 @@ def demo(
     Raises:
         InputError: ``out`` holds another search, or one that runs.
     """
-    started = time.perf_counter()
+    started, worked = time.perf_counter(), _processors()
     pool = open_pool(MAIN.pool_file)
     validation = bank.benchmark(bank.VALIDATION, quick=True, of=MAIN.benchmarks)
     path, plan = out / "evaluations.sqlite", budget.plan(seed)
@@ -152,12 +155,27 @@ def demo(
         write_result(pool, found, {"verdict": judged.as_dict()})
         fresh = [len(evaluation.images) for evaluation in store if evaluation.key not in held]
     page = _report(out, seed, budget, compute, progress) if with_report else None
-    seconds = time.perf_counter() - started
+    seconds, worked = time.perf_counter() - started, _processors() - worked
     proposed = {"paper": plan, "bayesian": plan.by("bayesian")}
     most = {method: by.evaluations(pool.names, pool.blocks) for method, by in proposed.items()}
     return Demo(
-        table, stage1.subset, sum(fresh), len(fresh), seconds, found.merged, page, scores, judged, most
+        table,
+        stage1.subset,
+        sum(fresh),
+        len(fresh),
+        seconds,
+        worked,
+        found.merged,
+        page,
+        scores,
+        judged,
+        most,
     )
+
+
+def _processors() -> float:
+    """CPU seconds of this process and of those it started that have ended, theirs included."""
+    return math.fsum(os.times()[:4])  # user and system, own and children's
 
 
 def _unseen_pairs(name: str) -> Benchmark:

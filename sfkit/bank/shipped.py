@@ -49,22 +49,23 @@ def trainings(name: str = BANK.name) -> dict[str, dict[str, Any]]:
     return dict(json.loads(record))
 
 
-def training_seconds(name: str = BANK.name) -> dict[str, float]:
-    """Source -> wall seconds of the one thread that fine-tuned it, as recorded when the bank was built.
+def training_seconds(name: str = BANK.name, *, cpu: bool = False) -> dict[str, float]:
+    """Source -> wall or CPU seconds of the one thread that fine-tuned it, recorded when the bank was built.
 
-    They stand beside the wall seconds of searches. The machine did other work at the time: ``trainings.json``
-    has the CPU seconds, a quarter of these on ``bank`` and half on ``bank-sharp``, so that an overhead
-    against them is a lower bound.
+    They stand beside those of searches. The machine did other work at the time: the CPU seconds are a quarter
+    of the wall seconds on ``bank`` and half on ``bank-sharp``, so that the overhead of a
+    search on an idle machine against the latter is a lower bound.
 
     Raises:
         InputError: no bank of that name.
     """
     records = trainings(name).items()
-    return {source: float(r["seconds"]) for source, r in records if source not in (BASE.name, JOINT)}
+    key = "cpu_seconds" if cpu else "seconds"
+    return {source: float(r[key]) for source, r in records if source not in (BASE.name, JOINT)}
 
 
-def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, None]:
-    """A bank's network that was trained on all sources' scenes, and its wall seconds; None twice without one.
+def joint_training(name: str = BANK.name, *, cpu: bool = False) -> tuple[Path, float] | tuple[None, None]:
+    """A bank's network that was trained on all sources' scenes, and its wall or CPU seconds; else None twice.
 
     As :func:`training_seconds`, on a machine that did other work: the CPU seconds are a third of these.
 
@@ -72,7 +73,8 @@ def joint_training(name: str = BANK.name) -> tuple[Path, float] | tuple[None, No
         InputError: no bank of that name.
     """
     record, path = trainings(name).get(JOINT), pool_path(name).with_name(f"{JOINT}.safetensors")
-    return (path, float(record["seconds"])) if record and path.exists() else (None, None)
+    key = "cpu_seconds" if cpu else "seconds"
+    return (path, float(record[key])) if record and path.exists() else (None, None)
 
 
 def worlds(

@@ -72,6 +72,8 @@ class BaselineResult:
         oracle: True where more than validation was seen.
         tuned_on_validation: True where validation chose among candidates.
         note: a sentence for tables.
+        cpu_seconds: what all that takes of processors, workers' included; None where nobody measured one of
+            its evaluations.
     """
 
     name: str
@@ -88,6 +90,7 @@ class BaselineResult:
     oracle: bool = False
     tuned_on_validation: bool = True
     note: str = ""
+    cpu_seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -149,6 +152,7 @@ class Baseline(Generic[P]):
             oracle=self.oracle,
             tuned_on_validation=self.tuned_on_validation,
             note=choice.note,
+            cpu_seconds=trials.cpu_seconds,
         )
 
 

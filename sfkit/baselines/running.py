@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -97,7 +98,8 @@ def baseline_table(run: BaselineRun) -> pd.DataFrame:
             "chosen": ", ".join(f"{key}={_text(value)}" for key, value in result.settings.items()),
             "evaluations": result.evaluations,
             "image passes": result.image_passes,
-            "seconds": result.seconds,
+            "wall seconds": result.seconds,
+            "CPU seconds": math.nan if result.cpu_seconds is None else result.cpu_seconds,
             "sees": "the report's benchmarks" if result.oracle else "validation",
             "note": result.note,
         }

@@ -12,7 +12,7 @@ import pandas as pd
 
 from sfkit.evaluation.combining import CombinedScorer, evaluators_of
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.outcome import Outcome
+from sfkit.evaluation.outcome import Outcome, total_known
 from sfkit.evaluation.store import BASELINE, evaluation_key
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
@@ -29,12 +29,14 @@ class Trials:
         validation: all a method may tune on.
         seconds: time spent so far: evaluations (those from the store count what they took when they were
             computed) and preparing task vectors.
+        cpu_seconds: the same of processors; None once an evaluation's is not known.
     """
 
     def __init__(self, pool: Pool, validation: Validation) -> None:
         self.pool = pool
         self.validation = validation
         self.seconds = 0.0
+        self.cpu_seconds: float | None = 0.0
         self._rows: list[dict[str, Any]] = []
         self._scored: dict[str, Outcome] = {}
         self._passes = 0
@@ -102,9 +104,10 @@ class Trials:
     @contextmanager
     def timed(self) -> Iterator[None]:
         """Count work that is no evaluation, such as trimming task vectors."""
-        started = time.perf_counter()
+        started, worked = time.perf_counter(), time.process_time()
         yield
         self.seconds += time.perf_counter() - started
+        self.cpu_seconds = total_known([self.cpu_seconds, time.process_time() - worked])
 
     def history(self) -> pd.DataFrame:
         """What was tried: one row a candidate, in order."""
@@ -115,6 +118,7 @@ class Trials:
         if outcome.key not in self._scored:
             self._scored[outcome.key] = outcome
             self.seconds += outcome.seconds
+            self.cpu_seconds = total_known([self.cpu_seconds, outcome.cpu_seconds])
 
 
 def lowest(scores: Sequence[float]) -> int:

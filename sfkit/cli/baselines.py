@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -160,6 +161,7 @@ def _entry(result: BaselineResult) -> dict[str, Any]:
         "evaluations": result.evaluations,
         "image_passes": result.image_passes,
         "seconds": result.seconds,
+        "cpu_seconds": result.cpu_seconds,
         "note": result.note,
         "recipe": result.pool.bound(result.recipe).document(),
     }
@@ -177,8 +179,13 @@ def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> st
     head = f"{LABEL if unlike else evaluators[0].metric} on {', '.join(guides)}{rule}: what tunes them"
     lines = [
         f"{label:24s} {row['validation']:9.4f} {unit}  {row['evaluations']:5d} evaluations"
-        f" {row['seconds']:8.1f} s  {', '.join(filter(None, (row['chosen'], row['note'])))}".rstrip()
+        f" {row['wall seconds']:8.1f} s ({_seconds(row['CPU seconds'])} of CPU)"
+        f"  {', '.join(filter(None, (row['chosen'], row['note'])))}".rstrip()
         for label, row in baseline_table(run).iterrows()
     ]
     skipped = [f"{baseline_named(name).label:24s} skipped: {why}" for name, why in run.skipped.items()]
     return "\n".join([head, *lines, *skipped])
+
+
+def _seconds(value: float) -> str:
+    return "unknown" if math.isnan(value) else f"{value:.1f} s"

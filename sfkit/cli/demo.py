@@ -51,6 +51,7 @@ def demo(
         "evaluations": found.evaluations,
         "forward_passes": found.forward_passes,
         "seconds": found.seconds,
+        "cpu_seconds": found.cpu_seconds,
         "merged": found.merged,
         "report": found.report,
         "scores": found.scores,
@@ -69,7 +70,8 @@ def _text(found: Demo) -> str:
             "",
             "* guided the search; the others are unseen. Lower is better.",
             f"Stage 1 chose {', '.join(found.subset)}.",
-            f"{found.evaluations} evaluations, {found.forward_passes} forward passes, {found.seconds:.0f} s.",
+            f"{found.evaluations} evaluations, {found.forward_passes} forward passes, {found.seconds:.0f} s "
+            f"({found.cpu_seconds:.0f} s of CPU).",
             f"The paper's search, of at most {found.proposed['paper']} evaluations here; by a model "
             f"at most {found.proposed['bayesian']} (sfkit search --method bayesian).",
             f"network: {found.merged}",

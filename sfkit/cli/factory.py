@@ -92,7 +92,11 @@ def run(
         f"trained {', '.join(made.trained) or 'nothing'}; {made.evaluated} new evaluations; "
         f"wrote {made.found.merged}"
     )
-    parts = ", ".join(f"{cost.part} {cost.seconds:.0f} s" for cost in made.costs)
+    parts = ", ".join(
+        f"{cost.part} {cost.seconds:.0f} s"
+        + ("" if cost.cpu_seconds is None else f" ({cost.cpu_seconds:.0f} s of CPU)")
+        for cost in made.costs
+    )
     lines.append(f"cost: {parts}")
     names = {"sources": "the sources", JOINT: "the joint network"}
     for part, share in made.overhead().items():
@@ -118,7 +122,9 @@ def _training_seconds(made: FactoryResult) -> dict[str, Any]:
     """What the report compares the search's cost with."""
     from sfkit.factory.file import JOINT
 
-    return {"training_seconds": {c.part: c.seconds for c in made.costs if c.part not in (JOINT, "search")}}
+    trained = [c for c in made.costs if c.part not in (JOINT, "search")]
+    worked = {c.part: c.cpu_seconds for c in trained if c.cpu_seconds is not None}
+    return {"training_seconds": {c.part: c.seconds for c in trained}, "training_cpu_seconds": worked}
 
 
 @app.command("train")

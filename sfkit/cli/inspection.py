@@ -274,6 +274,7 @@ def _recipe(path: Path) -> Description:
 
 
 def _store(path: Path) -> Description:
+    from sfkit.evaluation.outcome import total_known
     from sfkit.evaluation.store import EvaluationStore
 
     if path.stat().st_size == 0:  # opening it would turn it into a store
@@ -288,10 +289,13 @@ def _store(path: Path) -> Description:
         "evaluations": len(evaluations),
         "failed": failed,
         "seconds": sum(evaluation.seconds for evaluation in evaluations),
+        "cpu_seconds": total_known(evaluation.cpu_seconds for evaluation in evaluations),
         "benchmarks": benchmarks,
     }
     text = (
         f"{path}: evaluation store, {len(evaluations)} evaluations ({failed} failed) on {len(benchmarks)} "
         f"benchmarks, {document['seconds']:.1f} s of computing"
     )
+    if document["cpu_seconds"] is not None:
+        text += f" ({document['cpu_seconds']:.1f} s of CPU)"
     return Description(document, text)

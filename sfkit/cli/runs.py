@@ -25,7 +25,7 @@ Store = Annotated[Path, typer.Argument(help="An evaluation store.", show_default
 def list_runs(
     root: Annotated[Path, typer.Argument(help="Where to look.")] = Path("runs"), json: JsonOption = False
 ) -> None:
-    """List searches with benchmark, state, best score, evaluations and seconds, the latest first.
+    """List searches with benchmark, state, best score, evaluations, wall and CPU seconds, the latest first.
 
     \b
     Example:
@@ -43,9 +43,10 @@ def list_runs(
         {**record, "metric": metrics[record["run"]], "benchmark": benchmarks[record["run"]]}
         for record in run_rows(runs)
     ]
-    heads = ("run", "stage", "state", "benchmark", "metric", "best", "scored", "seconds")
-    values = [[row["evaluations" if head == "scored" else head] for head in heads] for row in rows]
-    text = "\n".join(tables.lines(heads, values, digits={"best": 4, "seconds": 1}))
+    heads = ("run", "stage", "state", "benchmark", "metric", "best", "scored", "seconds", "CPU s")
+    keys = {"scored": "evaluations", "CPU s": "cpu_seconds"}
+    values = [[row[keys.get(head, head)] for head in heads] for row in rows]
+    text = "\n".join(tables.lines(heads, values, digits={"best": 4, "seconds": 1, "CPU s": 1}))
     text = text if rows else f"{root}: no search has left a journal here"
     emit({"root": root, "runs": rows}, text, as_json=json)
 

@@ -13,7 +13,7 @@ from sfkit.datasets.benchmark import Benchmark
 from sfkit.datasets.metric import Metric
 from sfkit.errors import InputError
 from sfkit.evaluation.evaluator import Evaluator
-from sfkit.evaluation.outcome import Outcome, Part, Scorer
+from sfkit.evaluation.outcome import Outcome, Part, Scorer, total_known
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 
@@ -154,6 +154,7 @@ class CombinedScorer:
             next((outcome.error for outcome in outcomes if outcome.error), None),
             "+".join(outcome.key for outcome in outcomes),
             self._parts(outcomes),
+            total_known(outcome.cpu_seconds for outcome in outcomes),
         )
 
     def _parts(self, outcomes: Sequence[Outcome]) -> tuple[Part, ...]:

@@ -236,7 +236,13 @@ class Evaluator:
         splits = () if evaluation.failure else self.splits
         parts = tuple(self._part(evaluation.images, held) for held in splits)
         return Outcome(
-            score, evaluation.seconds, evaluation.cached, evaluation.failure, evaluation.key, parts
+            score,
+            evaluation.seconds,
+            evaluation.cached,
+            evaluation.failure,
+            evaluation.key,
+            parts,
+            evaluation.cpu_seconds,
         )
 
     def _ensure_same_code(self) -> None:
@@ -261,10 +267,13 @@ class Evaluator:
 
     def _record(self, key: str, description: dict[str, Any], result: Result) -> Evaluation:
         self.pool.ensure_unchanged()  # what was computed meanwhile belongs to nobody knows which file
-        fresh = Evaluation(key, description, result.images, result.failure, result.seconds)
+        worked = result.cpu_seconds
+        fresh = Evaluation(
+            key, description, result.images, result.failure, result.seconds, cpu_seconds=worked
+        )
         held = self.store.put(fresh)
         self.counts.computed += 1
         self.counts.failed += result.failure is not None
         self.counts.image_passes += len(result.images)
         self.counts.seconds += result.seconds
-        return Evaluation(held.key, held.description, held.images, held.failure, held.seconds)
+        return replace(held, cached=False)

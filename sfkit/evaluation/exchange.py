@@ -21,9 +21,9 @@ COLUMNS = ("key", "image", "region", "pixels", EPE.name, D1.name, *(bad_pixels(t
 def evaluation_table(store: EvaluationStore) -> pd.DataFrame:
     """One row an (evaluation, image, region), in the order they were written.
 
-    Columns: those of the evaluation (``key``, ``failure``, ``seconds``, ``benchmark``, ``protocol``,
-    ``recipe`` as JSON), then ``image``, ``region``, ``pixels``, ``epe`` in pixels, ``d1`` and ``bad-t`` in
-    percent. A failed evaluation has one row without an image.
+    Columns: those of the evaluation (``key``, ``failure``, ``seconds``, ``cpu_seconds``, ``benchmark``,
+    ``protocol``, ``recipe`` as JSON), then ``image``, ``region``, ``pixels``, ``epe`` in pixels, ``d1`` and
+    ``bad-t`` in percent. A failed evaluation has one row without an image.
     """
     return pd.DataFrame([row for evaluation in store for row in _rows(evaluation)])
 
@@ -34,6 +34,7 @@ def _rows(evaluation: Evaluation) -> list[dict[str, Any]]:
         "key": evaluation.key,
         "failure": evaluation.failure,
         "seconds": evaluation.seconds,
+        "cpu_seconds": evaluation.cpu_seconds,
         "benchmark": about.get("benchmark"),
         "protocol": about.get("protocol"),
         "recipe": json.dumps(about.get("recipe"), sort_keys=True),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -38,6 +38,7 @@ class Outcome:
         key: the evaluation's key in the store.
         parts: the same evaluation by each split of a hold-out scorer; empty without one, and where the
             candidate failed.
+        cpu_seconds: what it took of processors when it was computed; None where nobody measured that.
     """
 
     score: float
@@ -46,6 +47,7 @@ class Outcome:
     error: str | None = None
     key: str = ""
     parts: tuple[Part, ...] = ()
+    cpu_seconds: float | None = None
 
     @property
     def failed(self) -> bool:
@@ -59,3 +61,10 @@ class Scorer(Protocol):
     def __call__(self, recipes: Sequence[Recipe]) -> Sequence[Outcome]:
         """One outcome a recipe, in order; each is in the store before this returns."""
         ...
+
+
+def total_known(values: Iterable[float | None]) -> float | None:
+    """The sum of numbers, such as CPU seconds; None where one is not known, since part of a sum misleads."""
+    found = list(values)
+    known = [value for value in found if value is not None]
+    return math.fsum(known) if len(known) == len(found) else None

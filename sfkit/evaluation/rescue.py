@@ -14,7 +14,7 @@ from pathlib import Path
 from sfkit.errors import DamagedStoreError, SfkitError
 from sfkit.evaluation.exchange import check_evaluation, take
 from sfkit.evaluation.store import COLUMNS, Evaluation, EvaluationStore, evaluation_of
-from sfkit.evaluation.store_file import APPLICATION_ID, DAMAGE, companions
+from sfkit.evaluation.store_file import APPLICATION_ID, DAMAGE, companions, readable_columns
 
 _AT_APPLICATION_ID = slice(68, 72)  # in the header of an SQLite file
 
@@ -67,12 +67,13 @@ def _rows(path: Path, place: Path) -> Iterator[tuple[int, Evaluation | None]]:
     with closing(sqlite3.connect(place)) as db:
         last = _last(db, path, place.stat().st_size)
         named, all_named = _named(db)
+        columns = readable_columns(db, COLUMNS)
         # One by one: a scan of the table would end at the first page that is lost.
         for number in range(1, last + 1):
             there = number in named
             try:
                 found = db.execute(
-                    f"SELECT {COLUMNS} FROM evaluations WHERE number = ?", (number,)
+                    f"SELECT {columns} FROM evaluations WHERE number = ?", (number,)
                 ).fetchone()
                 evaluation = None if found is None else evaluation_of(found, path)
                 if evaluation is not None:

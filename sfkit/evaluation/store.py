@@ -21,11 +21,11 @@ from typing import Any
 from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.errors import DamagedStoreError, SfkitWarning, StoreError
 from sfkit.evaluation.metrics import ImageErrors
-from sfkit.evaluation.store_file import DAMAGE, MEMORY, broken, open_store, restore, salvage
+from sfkit.evaluation.store_file import DAMAGE, MEMORY, broken, open_store, readable_columns, restore, salvage
 
 HAND_EDIT = "hand edit"  # the mark of an evaluation that a person asked for
 BASELINE = "baseline"  # the mark of one that a baseline asked for first
-COLUMNS = "key, description, errors, failure, seconds, checksum"
+COLUMNS = "key, description, errors, failure, seconds, checksum, cpu_seconds"
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,8 @@ class Evaluation:
         failure: why it failed, None where it did not.
         seconds: what it took to compute.
         cached: True where it came from the store.
+        cpu_seconds: what it took of processors, its workers' included; None where nobody measured that, as in
+            stores of earlier versions.
     """
 
     key: str
@@ -47,6 +49,7 @@ class Evaluation:
     failure: str | None
     seconds: float
     cached: bool = False
+    cpu_seconds: float | None = None
 
 
 def evaluation_key(description: Mapping[str, Any]) -> str:
@@ -74,6 +77,7 @@ class EvaluationStore:
         self._lock = threading.RLock()
         self._db = open_store(self.path, read_only=read_only)
         self._opened = self._identity()
+        self._columns = readable_columns(self._db, COLUMNS)
 
     def __enter__(self) -> EvaluationStore:
         return self
@@ -91,7 +95,7 @@ class EvaluationStore:
 
     def get(self, key: str) -> Evaluation | None:
         """The evaluation under ``key``, or None."""
-        row = self._rows(f"SELECT {COLUMNS} FROM evaluations WHERE key = ?", (key,))
+        row = self._rows(f"SELECT {self._columns} FROM evaluations WHERE key = ?", (key,))
         return evaluation_of(row[0], self.path) if row else None
 
     def put(self, evaluation: Evaluation) -> Evaluation:
@@ -106,13 +110,15 @@ class EvaluationStore:
         description = json.dumps(evaluation.description, sort_keys=True)
         errors = None if evaluation.failure else json.dumps([image.to_dict() for image in evaluation.images])
         row = (evaluation.key, description, errors, evaluation.failure, float(evaluation.seconds))
+        worked = None if evaluation.cpu_seconds is None else float(evaluation.cpu_seconds)
         with self._writing():
             cursor = self._db.execute(
-                "INSERT INTO evaluations (key, description, errors, failure, seconds, checksum, written) "
-                "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET errors = excluded.errors, "
-                "failure = excluded.failure, seconds = excluded.seconds, checksum = excluded.checksum, "
+                "INSERT INTO evaluations (key, description, errors, failure, seconds, checksum, cpu_seconds, "
+                "written) VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET "
+                "errors = excluded.errors, failure = excluded.failure, seconds = excluded.seconds, "
+                "checksum = excluded.checksum, cpu_seconds = excluded.cpu_seconds, "
                 "written = excluded.written, attempts = attempts + 1 WHERE evaluations.failure IS NOT NULL",
-                (*row, _checksum(*row), time.time()),
+                (*row, _checksum(*row, worked), worked, time.time()),
             )
         if cursor.rowcount == 1:
             return replace(evaluation, cached=True)
@@ -124,7 +130,7 @@ class EvaluationStore:
 
     def __iter__(self) -> Iterator[Evaluation]:
         """All evaluations in the order they were first written."""
-        query = f"SELECT {COLUMNS} FROM evaluations ORDER BY number"
+        query = f"SELECT {self._columns} FROM evaluations ORDER BY number"
         return (evaluation_of(row, self.path) for row in self._rows(query, ()))
 
     @property
@@ -134,7 +140,7 @@ class EvaluationStore:
 
     def until(self, number: int) -> Iterator[Evaluation]:
         """The evaluations first written up to a number that :attr:`last` gave, in that order."""
-        query = f"SELECT {COLUMNS} FROM evaluations WHERE number <= ? ORDER BY number"
+        query = f"SELECT {self._columns} FROM evaluations WHERE number <= ? ORDER BY number"
         return (evaluation_of(row, self.path) for row in self._rows(query, (number,)))
 
     def attempts(self, key: str) -> int:
@@ -215,16 +221,19 @@ def evaluation_of(row: Sequence[Any], path: Path) -> Evaluation:
     Raises:
         DamagedStoreError: it is not what was written.
     """
-    key, description, errors, failure, seconds, checksum = row
+    key, description, errors, failure, seconds, checksum, worked = row
     # None in rows from before there were checksums.
-    if checksum not in (None, _checksum(*row[:5])):
+    if checksum not in (None, _checksum(*row[:5], worked)):
         raise DamagedStoreError(
             f"{path}: is damaged, evaluation {key} is not what was written: {salvage(path)}"
         )
     images = tuple(ImageErrors.from_dict(image) for image in json.loads(errors)) if errors else ()
-    return Evaluation(key, json.loads(description), images, failure, seconds, cached=True)
+    about = json.loads(description)
+    return Evaluation(key, about, images, failure, seconds, cached=True, cpu_seconds=worked)
 
 
-def _checksum(*row: str | float | None) -> str:
+def _checksum(key: str, description: str, *rest: str | float | None) -> str:
     """Tells garbage from what was written: SQLite checks how its pages hang together, not what they say."""
+    # Rows from before CPU seconds were measured have none, and the digest of what they have.
+    row = (key, description, *(rest[:-1] if rest[-1] is None else rest))
     return text_digest(json.dumps(row))

@@ -17,7 +17,7 @@ from sfkit.evaluation.file_systems import file_system, is_shared
 from sfkit.files import fresh_beside, writing
 
 APPLICATION_ID = 0x73666B74  # "sfkt", in the file's header: tells a store from any other SQLite file
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 1 had no CPU seconds, and takes a checksum over them for damage
 OPEN_SECONDS = 60.0  # how long a process waits for another that holds the file
 DAMAGE = (sqlite3.DatabaseError, UnicodeDecodeError)  # the latter where garbage stands in SQLite's message
 MEMORY = ":memory:"
@@ -34,9 +34,12 @@ CREATE TABLE IF NOT EXISTS evaluations (
     seconds REAL NOT NULL,
     written REAL NOT NULL,
     attempts INTEGER NOT NULL DEFAULT 1,
-    checksum TEXT
+    checksum TEXT,
+    cpu_seconds REAL
 )
 """
+_ADDED = {"checksum": "TEXT", "cpu_seconds": "REAL"}
+"""Columns that stores of earlier versions lack."""
 _MARKS_SCHEMA = """
 CREATE TABLE IF NOT EXISTS marks (
     key TEXT NOT NULL,
@@ -205,7 +208,14 @@ def _complete(db: sqlite3.Connection, mode: str) -> bool:
     """True where everything :func:`_make` makes is there."""
     (found,) = db.execute("PRAGMA journal_mode").fetchone()
     (marks,) = db.execute("SELECT COUNT(*) FROM sqlite_master WHERE name = 'marks'").fetchone()
-    return found == mode and bool(marks) and "checksum" in _columns(db)
+    return found == mode and bool(marks) and set(_ADDED) <= set(_columns(db))
+
+
+def readable_columns(db: sqlite3.Connection, wanted: str) -> str:
+    """The columns of evaluations for SELECT; NULL stands for one that a store of an earlier version lacks."""
+    there = _columns(db)
+    names = wanted.split(", ")
+    return ", ".join(n if n in there or n not in _ADDED else f"NULL AS {n}" for n in names)
 
 
 def _columns(db: sqlite3.Connection) -> list[str]:
@@ -223,8 +233,8 @@ def _make(db: sqlite3.Connection, mode: str) -> None:
         db.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
         db.execute(_SCHEMA)
         db.execute(_MARKS_SCHEMA)
-        if "checksum" not in _columns(db):  # stores from before there were any go on without
-            db.execute("ALTER TABLE evaluations ADD COLUMN checksum TEXT")
+        for column in _ADDED.keys() - _columns(db):  # the rows of earlier stores go on without
+            db.execute(f"ALTER TABLE evaluations ADD COLUMN {column} {_ADDED[column]}")
 
 
 def _turn_journal(db: sqlite3.Connection, mode: str) -> None:

@@ -19,6 +19,7 @@ from sfkit.datasets.pairs import Pair, StereoPair
 from sfkit.errors import SfkitWarning
 from sfkit.evaluation import Compute, EvaluationStore, Evaluator
 from sfkit.evaluation.combining import combined
+from sfkit.evaluation.outcome import total_known
 from sfkit.factory.file import JOINT, MERGED, SEARCHED, Factory
 from sfkit.factory.outputs import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
 from sfkit.factory.standing import Item, files_of, status
@@ -39,11 +40,13 @@ class Cost:
         part: a source's name, ``joint``, or ``search``.
         passes: of a training, pairs shown forward and backward; of the search, forward alone.
         seconds: on the clock; of the search, of its evaluations when they were computed.
+        cpu_seconds: the same of processors, workers' included; None where nobody measured one of them.
     """
 
     part: str
     passes: int
     seconds: float
+    cpu_seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -218,7 +221,11 @@ def _joint_score(factory: Factory, file: Path, benchmark: Benchmark, compute: Co
 
 def _training_costs(factory: Factory, items: Sequence[Item]) -> list[Cost]:
     batches: Mapping[str, int] = {order.name: order.settings.batch for order in factory.networks}
-    return [Cost(i.name, i.steps * batches[i.name], i.seconds) for i in items if i.seconds is not None]
+    return [
+        Cost(i.name, i.steps * batches[i.name], i.seconds, i.cpu_seconds)
+        for i in items
+        if i.seconds is not None
+    ]
 
 
 def _search_cost(factory: Factory, found: SearchResult) -> Cost:
@@ -227,6 +234,13 @@ def _search_cost(factory: Factory, found: SearchResult) -> Cost:
     files = [found.folder / name for name in ("stage1.csv", "stage2.csv")]
     rows = pd.concat([pd.read_csv(path) for path in files if path.exists()])
     seconds: dict[str, float] = dict(zip(rows["key"], rows["seconds"], strict=True))
+    worked = {
+        key: None if value != value else value
+        for key, value in zip(rows["key"], rows["cpu_seconds"], strict=True)
+    }
     if found.averaged is not None:
-        seconds.setdefault(found.averaged.outcome.key, found.averaged.outcome.seconds)
-    return Cost(SEARCHED, len(seconds) * images, math.fsum(seconds.values()))
+        last = found.averaged.outcome
+        seconds.setdefault(last.key, last.seconds)
+        worked.setdefault(last.key, last.cpu_seconds)
+    took = math.fsum(seconds.values()), total_known(worked.values())
+    return Cost(SEARCHED, len(seconds) * images, *took)

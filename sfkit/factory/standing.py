@@ -30,6 +30,7 @@ class Item:
         file: where it is, or will be. Its name says what it was made from, so a stale one stays beside it.
         steps: of its training.
         seconds: what it cost, or is expected to cost by the pace of those done; None where none is done.
+        cpu_seconds: what it cost of processors; None unless it is done here.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Item:
     file: Path
     steps: int
     seconds: float | None
+    cpu_seconds: float | None = None
 
 
 def status(factory: Factory) -> tuple[Item, ...]:
@@ -94,8 +96,11 @@ def files_of(
 def _item(name: str, file: Path, made: Mapping[str, Any]) -> Item:
     record = training_folder(file) / "training.json"
     if file.exists():
-        seconds = float(json.loads(record.read_text())["seconds"]) if record.exists() else None
-        return Item(name, DONE, file, made["steps"], seconds)
+        took = json.loads(record.read_text()) if record.exists() else {}
+        seconds, worked = (
+            None if took.get(key) is None else float(took[key]) for key in ("seconds", "cpu_seconds")
+        )
+        return Item(name, DONE, file, made["steps"], seconds, worked)
     if any(training_folder(file).glob("state-*.pt")):
         return Item(name, RUNNING, file, made["steps"], None)
     others = [p for p in file.parent.glob(f"{name}-*.safetensors") if p.stem[:-11] == name]

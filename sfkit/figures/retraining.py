@@ -37,9 +37,13 @@ def teaser_figure(record: Retraining, *, theme: str = "auto", height: int = 420)
             text=[escape(way.name) for way in ways],
             textposition="top center",
             marker={"symbol": symbol, "size": 13, "color": colour},
-            hovertemplate="%{text}: %{y:.2f} in %{x:.1f} minutes<extra></extra>",
+            customdata=[
+                f"{way.cpu_seconds / 60.0:.1f}" if way.cpu_seconds == way.cpu_seconds else "unknown"
+                for way in ways
+            ],
+            hovertemplate="%{text}: %{y:.2f} in %{x:.1f} minutes, %{customdata} of CPU<extra></extra>",
         )
-    figure.update_xaxes(type="log", title_text="time once the new data are there (minutes, log)")
+    figure.update_xaxes(type="log", title_text="wall time once the new data are there (minutes, log)")
     figure.update_yaxes(title_text=f"mean error ({record.unit})")
     trained, *merged = record.ways
     best = min(merged, key=lambda way: way.score, default=trained)
@@ -49,6 +53,6 @@ def teaser_figure(record: Retraining, *, theme: str = "auto", height: int = 420)
         theme=theme,
         title="Retrain on everything, or merge?",
         subtitle=f"{escape(best.name)} {best.score - trained.score:+.2f} against {escape(trained.name)}, "
-        f"in {share:.1f} % of its time; mean over {escape(', '.join(record.benchmarks))}",
+        f"in {share:.1f} % of its wall time; mean over {escape(', '.join(record.benchmarks))}",
         height=height,
     )

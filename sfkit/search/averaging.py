@@ -104,6 +104,7 @@ class Averaged:
             "error": self.outcome.error,
             "cached": self.outcome.cached,
             "seconds": self.outcome.seconds,
+            "cpu_seconds": self.outcome.cpu_seconds,
             "key": self.outcome.key,
         }
 

@@ -158,7 +158,8 @@ class JournalledSearch:
         # Reading is the check: each property raises where its record is of another form.
         facts: tuple[object, ...] = (self.reason, self.generation, self.started, self.written)
         facts += (self.counts, self.candidates, self.best)
-        numbers = [float(value) for value in self.counts.values()]
+        # Only CPU seconds may be unknown.
+        numbers = [float(v) for k, v in self.counts.items() if v is not None or not k.startswith("cpu_")]
         if not (all(isinstance(name, str) for name in names) and facts and len(numbers) >= 0):
             raise TypeError("sources and blocks must be texts")
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from sfkit.cards import card
-from sfkit.evaluation.outcome import Outcome
+from sfkit.evaluation.outcome import Outcome, total_known
 from sfkit.merging.recipe import Recipe
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ class Candidate:
             "cached": self.outcome.cached,
             "repeated": self.repeated,
             "seconds": self.outcome.seconds,
+            "cpu_seconds": self.outcome.cpu_seconds,
             "key": self.outcome.key,
         }
 
@@ -124,6 +125,8 @@ class Counts:
         failed: of the distinct ones, those without a finite score.
         seconds: evaluation time spent on behalf of this search: of the distinct, not cached ones.
         seconds_saved: what the cached ones took when they were computed.
+        cpu_seconds: what the former took of processors; None where nobody measured one of them.
+        cpu_seconds_saved: the same of the cached ones.
     """
 
     candidates: int = 0
@@ -132,6 +135,8 @@ class Counts:
     failed: int = 0
     seconds: float = 0.0
     seconds_saved: float = 0.0
+    cpu_seconds: float | None = None
+    cpu_seconds_saved: float | None = None
 
     @property
     def repeated(self) -> int:
@@ -164,6 +169,7 @@ def count(candidates: Sequence[Candidate]) -> Counts:
     """Count evaluations over all candidates of a search."""
     distinct = [candidate for candidate in candidates if not candidate.repeated]
     cached = [candidate for candidate in distinct if candidate.outcome.cached]
+    computed = [candidate for candidate in distinct if not candidate.outcome.cached]
     # Exact sums: the same in whatever order engines answered.
     total = math.fsum(candidate.outcome.seconds for candidate in distinct)
     saved = math.fsum(candidate.outcome.seconds for candidate in cached)
@@ -174,6 +180,8 @@ def count(candidates: Sequence[Candidate]) -> Counts:
         failed=sum(candidate.failed for candidate in distinct),
         seconds=total - saved,
         seconds_saved=saved,
+        cpu_seconds=total_known(candidate.outcome.cpu_seconds for candidate in computed),
+        cpu_seconds_saved=total_known(candidate.outcome.cpu_seconds for candidate in cached),
     )
 
 
@@ -187,7 +195,7 @@ def ranked(candidates: Iterable[C]) -> tuple[C, ...]:
 COMMON = ("candidate", "generation", "subset", "size", "score", "failed", "error")
 """Columns every history starts with."""
 
-ORIGIN = ("cached", "repeated", "seconds", "key")
+ORIGIN = ("cached", "repeated", "seconds", "cpu_seconds", "key")
 """Columns that tell where a score came from."""
 
 
@@ -201,7 +209,8 @@ def subset_history(
     Columns: ``candidate`` (number, from 0), ``generation`` (from 0), ``subset`` (tuple of names in the
     pool's order), ``size``, ``score`` (the benchmark's unit; inf where it failed), ``failed``, ``error``
     (None where it did not fail), ``cached`` (from the evaluation store), ``repeated`` (asked for before
-    by this search), ``seconds`` (what the evaluation took when it was computed), ``key`` (in the store),
+    by this search), ``seconds`` (what the evaluation took when it was computed), ``cpu_seconds``
+    (of processors, workers' included; None where nobody measured that), ``key`` (in the store),
     ``chromosome`` (tuple of names in the order of the genes), ``parents`` (tuple of numbers),
     ``operators`` (tuple, in order), ``survived`` (True where the candidate is in the population of its
     own generation), and those of ``predicted``.

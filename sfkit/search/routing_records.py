@@ -210,9 +210,9 @@ def routing_history(
 
     Columns: ``candidate`` (number of the evaluation, from 0: x = 0), ``generation`` (the iteration of
     CMA-ES; 0 is x = 0 and the start), ``subset``, ``size``, ``score`` (the benchmark's unit; inf where it
-    failed), ``failed``, ``error``, ``cached``, ``repeated``, ``seconds``, ``key`` as in Stage 1;
-    ``origin`` ("equal", "start", "sample" or "average"), ``penalty`` (lambda times the mean entropy, eq. 13,
-    and the shrinkage), ``fold`` (which split it belongs to; None without a hold-out), ``guiding`` and
+    failed), ``failed``, ``error``, ``cached``, ``repeated``, ``seconds``, ``cpu_seconds``, ``key`` as in
+    Stage 1; ``origin`` ("equal", "start", "sample" or "average"), ``penalty`` (lambda times the mean entropy,
+    eq. 13, and the shrinkage), ``fold`` (which split it belongs to; None without a hold-out), ``guiding`` and
     ``held`` (score on the pairs that guide the search and on those held out; None without), ``penalised``
     (guiding + penalty, what the search minimises), ``sigma`` (step size that it was sampled with),
     ``axis:<i>`` (standard deviations along the principal axes of that distribution, ascending),

@@ -39,7 +39,8 @@ class StageRun:
         score: the best so far, in the metric's unit; None where nothing has a finite score.
         subset: the best candidate's sources.
         recipe: the best candidate's recipe as plain values.
-        counts: evaluations: candidates, distinct, cached, failed, seconds, seconds_saved.
+        counts: evaluations: candidates, distinct, cached, failed, seconds, seconds_saved, cpu_seconds,
+            cpu_seconds_saved; the last two None, or left out by earlier versions, where not known.
         settings: the search's settings, with constraints and names.
         started: when this run began.
         written: when it last wrote.
@@ -52,7 +53,7 @@ class StageRun:
     score: float | None
     subset: tuple[str, ...]
     recipe: Mapping[str, Any] | None
-    counts: Mapping[str, float]
+    counts: Mapping[str, Any]
     settings: Mapping[str, Any]
     started: datetime
     written: datetime
@@ -143,6 +144,7 @@ def run_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
             "cached": int(stage.counts["cached"]),
             "failed": int(stage.counts["failed"]),
             "seconds": float(stage.counts["seconds"]),
+            "cpu_seconds": stage.counts.get("cpu_seconds"),
             "written": stage.written.isoformat(timespec="seconds"),
         }
         for run in runs

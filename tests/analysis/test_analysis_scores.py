@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from tiny import write_pool
 from sfkit.analysis.costs import cost_table, stage_costs
 from sfkit.analysis.labels import metric_label, score_text
 from sfkit.analysis.scores import contenders, score_grid
+from sfkit.analysis.tables import shown
 from sfkit.errors import InputError
 from sfkit.merging import open_pool
 from sfkit.search.records import Counts
@@ -68,9 +70,20 @@ def test_costs_put_every_candidate_in_one_place() -> None:
     assert [cost.candidates for cost in costs] == [40, 60]
     total = cost_table(costs).loc["total"]
     assert (total["candidates"], total["computed"], total["from the store"]) == (100, 67, 4)
-    assert (total["seconds spent"], total["seconds saved"], total["failed"]) == (21.5, 2.0, 2)
+    assert (total["wall seconds spent"], total["wall seconds saved"], total["failed"]) == (21.5, 2.0, 2)
     with pytest.raises(InputError, match="found no stage"):
         stage_costs({})
+
+
+def test_cpu_seconds_stand_beside_wall_seconds_and_a_dash_where_nobody_measured_them() -> None:
+    one = Counts(candidates=2, distinct=2, seconds=4.0, cpu_seconds=1.5, cpu_seconds_saved=0.0)
+    two = Counts(candidates=3, distinct=3, seconds=5.0, cpu_seconds=2.0, cpu_seconds_saved=0.0)
+    known = cost_table(stage_costs({"Stage 1": one, "Stage 2": two}))
+    assert known["CPU seconds spent"].tolist() == [1.5, 2.0, 3.5]
+    old = replace(two, cpu_seconds=None)  # of a journal, or from a store, of an earlier version
+    table = cost_table(stage_costs({"Stage 1": one, "Stage 2": old}))
+    assert table["CPU seconds spent"].isna().tolist() == [False, True, True], "the sum is not known either"
+    assert shown(table).to_html().count("–") == 2
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import numpy as np
@@ -96,6 +97,18 @@ def test_a_method_is_set_beside_the_sources_trainings() -> None:
     check_seconds({}, None)
     with pytest.raises(InputError, match="seconds of joint retraining, none of any fine-tuning"):
         check_seconds({}, 9.0)
+
+
+def test_cpu_seconds_stand_beside_the_trainings_and_are_divided_by_nothing() -> None:
+    search = MethodCost("search", 100, 800, 100.0, cpu_seconds=30.0)
+    old = MethodCost("from an old store", 100, 800, 100.0)
+    training, cpu = {"a": 1500.0, "b": 500.0}, {"a": 600.0, "b": 400.0}
+    table = overhead_table([search, old], training, 4000.0, training_cpu=cpu, joint_cpu=2000.0)
+    assert table["CPU seconds"].tolist()[:3] == [2000.0, 1000.0, 30.0]
+    assert math.isnan(table.loc["from an old store", "CPU seconds"])
+    assert table.loc["search", "overhead [%]"] == pytest.approx(100 * 100.0 / 2000.0), "wall by wall"
+    partly = overhead_table([search], training, training_cpu={"a": 600.0})
+    assert math.isnan(partly.loc["fine-tuning the sources", "CPU seconds"])
 
 
 def test_the_papers_overhead_follows_from_its_hours() -> None:

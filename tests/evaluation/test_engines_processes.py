@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -68,7 +69,7 @@ def searched(pool: Pool, pairs: Benchmark, folder: Path, engine: str, workers: i
     return {
         "summary": summary(pool, found),
         "evaluations": evaluations,
-        "stages": {n: t.drop(columns="seconds").to_dict("split") for n, t in stages.items()},
+        "stages": {n: t.drop(columns=["seconds", "cpu_seconds"]).to_dict("split") for n, t in stages.items()},
     }
 
 
@@ -91,6 +92,17 @@ def test_a_search_gives_the_same_bits_with_any_number_of_workers(
     assert found["summary"] == inline["summary"]
     assert found["evaluations"] == inline["evaluations"]
     assert len(found["evaluations"]) > 10
+
+
+def test_cpu_seconds_are_those_of_the_workers(
+    pool: Pool, pairs: Benchmark, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Evaluator(pool, pairs, engine="processes", workers=2) as evaluator:
+        monkeypatch.setattr(time, "process_time", lambda: 0.0)  # of this process, which only waits
+        (found,) = evaluator.evaluate([pool.uniform()])
+        assert evaluator([pool.uniform()])[0].cpu_seconds == found.cpu_seconds
+    assert found.cpu_seconds is not None
+    assert found.cpu_seconds > 0.0
 
 
 class Trapped:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -137,3 +138,14 @@ def test_images_behind_a_failure_are_left_out() -> None:
     good = Result((image(0, 0), image(0, 1)), None, 1.0)
     assert list(board.done(first, good)) == [(0, Result((), "broke", 2.0))]
     assert board.complete
+
+
+@pytest.mark.parametrize(("second", "total"), [(0.25, 1.0), (None, None)])
+def test_workers_that_share_images_add_up_what_they_took(second: float | None, total: float | None) -> None:
+    board = Board(recipes=1, images=2, workers=2)
+    one, other = board.take(), board.take()
+    assert one is not None
+    assert other is not None
+    assert list(board.done(one, Result((image(0, 0),), None, 2.0, 0.75))) == []
+    ((_, whole),) = board.done(other, Result((image(0, 1),), None, 3.0, second))
+    assert (whole.seconds, whole.cpu_seconds) == (5.0, total), "a part of a sum would mislead"

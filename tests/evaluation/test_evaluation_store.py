@@ -12,15 +12,19 @@ import sys
 import tempfile
 import threading
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from sfkit.cli import main
 from sfkit.errors import SfkitWarning, StoreError
+from sfkit.evaluation.exchange import evaluation_table
 from sfkit.evaluation.file_systems import file_system, is_shared, printed_mounts
 from sfkit.evaluation.metrics import ImageErrors, RegionErrors
-from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
+from sfkit.evaluation.rescue import rescue
+from sfkit.evaluation.store import COLUMNS, Evaluation, EvaluationStore, evaluation_key
+from sfkit.evaluation.store_file import readable_columns
 
 IMAGE = ImageErrors("one", (1.0, 2.0), 0, {"all": RegionErrors(10, 1.1 / 3, (3, 1), 0)})
 
@@ -177,6 +181,36 @@ def test_a_store_from_before_there_were_checksums_goes_on(tmp_path: Path) -> Non
     with EvaluationStore(path) as store:
         store.put(evaluation("b"))
         assert [e.images for e in store] == [(IMAGE,), (IMAGE,)]
+
+
+def test_a_store_from_before_cpu_seconds_were_measured_goes_on_and_does_not_guess(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("ALTER TABLE evaluations DROP COLUMN cpu_seconds")
+        db.execute("PRAGMA user_version = 1")
+        assert "NULL AS cpu_seconds" in readable_columns(db, COLUMNS), "one that nobody may write to"
+    with EvaluationStore(tmp_path / "other.sqlite") as other:
+        assert rescue(path, other).lost == ()
+    with EvaluationStore(path) as store:
+        store.put(replace(evaluation("b"), cpu_seconds=2.5))
+        assert [e.cpu_seconds for e in store] == [None, 2.5]
+        table = evaluation_table(store).set_index("key")["cpu_seconds"]
+        assert table.isna().tolist() == [True, False]
+    with closing(sqlite3.connect(path)) as db:
+        assert db.execute("PRAGMA user_version").fetchone() == (2,), "an sfkit of then would call it damaged"
+
+
+def test_cpu_seconds_that_were_changed_are_damage(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        store.put(replace(evaluation("a"), cpu_seconds=2.5))
+    for value in ("9.5", "NULL"):
+        with closing(sqlite3.connect(path)) as db, db:
+            db.execute(f"UPDATE evaluations SET cpu_seconds = {value}")
+        with EvaluationStore(path) as store, pytest.raises(StoreError, match="is not what was written"):
+            list(store)
 
 
 def test_a_full_disk_is_said_and_what_was_stored_stays(tmp_path: Path) -> None:

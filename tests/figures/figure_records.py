@@ -106,12 +106,12 @@ def grid() -> ScoreGrid:
 
 
 def costs() -> tuple[StageCost, ...]:
-    return StageCost("Stage 1", 7, 4, 29, 2, 3.5, 2.0), StageCost("Stage 2", 60, 0, 0, 0, 18.0, 0.0)
+    return StageCost("Stage 1", 7, 4, 29, 2, 3.5, 2.0), StageCost("Stage 2", 60, 0, 0, 0, 18.0, 0.0, 9.0, 0.0)
 
 
 def beside_training() -> Overhead:
-    taken = [MethodCost("uniform", 1, 8, 4.8), MethodCost("Stage 1+2", 61, 488, 406.6)]
-    return overhead(taken, {"a": 4000.0, "b": 2401.7}, joint=9500.6)
+    taken = [MethodCost("uniform", 1, 8, 4.8), MethodCost("Stage 1+2", 61, 488, 406.6, cpu_seconds=150.0)]
+    return overhead(taken, {"a": 4000.0, "b": 2401.7}, 9500.6, joint_cpu=2927.0)
 
 
 def sizes() -> PopulationSizes:

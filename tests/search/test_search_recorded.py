@@ -15,7 +15,7 @@ from sfkit.checkpoints.fingerprints import text_digest
 from sfkit.merging.recipe import Recipe
 
 RECORDED = Path(__file__).parent / "recorded"
-CLOCK = ("time", "seconds", "seconds_saved", "cached")
+CLOCK = ("time", "seconds", "seconds_saved", "cpu_seconds", "cpu_seconds_saved", "cached")
 ROUNDING = "f4976a5330d42ef7cf6e2a804eff7355c5a8a7e7baeafc5e0a464ee69083f866"
 
 

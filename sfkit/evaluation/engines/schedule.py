@@ -8,11 +8,12 @@ Kuck 1987). How the cuts fall, and in which order parts return, changes no resul
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from sfkit.evaluation.engines.worker import Result
 from sfkit.evaluation.metrics import ImageErrors
+from sfkit.evaluation.outcome import total_known
 
 TRIES = 3  # how often a part is given to a worker that dies over it
 
@@ -113,15 +114,21 @@ class Board:
         A failure counts when all images before it are known to be well, so that its message is the one a
         single worker would have met first.
         """
-        results, reached, seconds = self._results[number], 0, 0.0
+        results, reached = self._results[number], 0
+        parts: list[Result] = []
         images: list[ImageErrors] = []
         while reached < self._images:
             if reached not in results:
                 return None
             result = results[reached]
-            seconds += result.seconds
+            parts.append(result)
             if result.failure is not None:
-                return Result((), result.failure, seconds)
+                return Result((), result.failure, *_took(parts))
             images += result.images
             reached += len(result.images)
-        return Result(tuple(images), None, seconds)
+        return Result(tuple(images), None, *_took(parts))
+
+
+def _took(parts: Sequence[Result]) -> tuple[float, float | None]:
+    """Wall and CPU seconds of all parts together."""
+    return sum(part.seconds for part in parts), total_known(part.cpu_seconds for part in parts)

@@ -31,11 +31,14 @@ class Result:
         images: per-image errors in the benchmark's order; empty where it failed.
         failure: the error's type and message, None where there was none.
         seconds: time of merging and forward passes; summed over workers that shared the images.
+        cpu_seconds: what all threads of the worker's process took of processors meanwhile, summed likewise;
+            None where that is not known.
     """
 
     images: tuple[ImageErrors, ...]
     failure: str | None
     seconds: float
+    cpu_seconds: float | None = None
 
 
 class Worker:
@@ -56,7 +59,7 @@ class Worker:
         Raises:
             DeviceLostError: the device failed, rather than the network: another worker may do better.
         """
-        started = time.perf_counter()
+        started, worked = time.perf_counter(), time.process_time()
         images: tuple[ImageErrors, ...] = ()
         failure = None
         try:
@@ -65,7 +68,8 @@ class Worker:
         except Exception as error:  # whatever a network raises is recorded as this candidate's failure
             failure = f"{type(error).__name__}: {error}"
             self._check_device(failure)
-        return Result(images, failure, time.perf_counter() - started)
+        took = time.perf_counter() - started, time.process_time() - worked
+        return Result(images, failure, *took)
 
     def as_it_is(self) -> tuple[ImageErrors, ...]:
         """Per-image errors of the network with whatever values it has."""
