@@ -20,7 +20,7 @@ class Judge:
 
     def __init__(self, pool: Pool, guides: Sequence[Evaluator], tests: Sequence[Evaluator]) -> None:
         self._pool, self._guides, self._tests = pool, guides, tests
-        self.before: dict[str, float] = {}
+        self.before: dict[str, float | None] = {}
         self.document: dict[str, Any] = {}
         self._verdict: SearchVerdict | None = None
 
@@ -40,10 +40,10 @@ class Judge:
         return self.document
 
     @property
-    def own(self) -> dict[str, float]:
+    def own(self) -> dict[str, float | None]:
         """What was counted since the search ended: for the verdict, and for how far to trust its guide."""
         both = _counts([*self._guides, *self._tests])
-        return {name: value - self.before[name] for name, value in both.items()}
+        return {name: _less(value, self.before[name]) for name, value in both.items()}
 
     def lines(self, found: SearchResult) -> list[str]:
         """The verdict; and how to get its network where the search wrote another."""
@@ -65,6 +65,14 @@ def other_network(found: SearchResult, recipe: Recipe, name: str) -> str:
     return f"{found.merged} is {what}; for {name}: sfkit merge POOL {how} --out FILE"
 
 
-def _counts(evaluators: Sequence[Evaluator]) -> dict[str, float]:
-    """What these evaluators did, together."""
-    return {name: sum(vars(one.counts)[name] for one in evaluators) for name in vars(evaluators[0].counts)}
+def _counts(evaluators: Sequence[Evaluator]) -> dict[str, float | None]:
+    """What these evaluators did, together; None where that is not known of one of them."""
+    every = [vars(one.counts) for one in evaluators]
+    return {
+        name: None if any(counts[name] is None for counts in every) else sum(counts[name] for counts in every)
+        for name in every[0]
+    }
+
+
+def _less(value: float | None, before: float | None) -> float | None:
+    return None if value is None or before is None else value - before

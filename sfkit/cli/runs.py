@@ -98,7 +98,9 @@ def show(folder: Folder, json: JsonOption = False) -> None:
         lines.append(
             f"{stage.stage}: {stage.state.value}{f' ({stage.reason})' if stage.reason else ''}, best {best}"
         )
-        counts = ", ".join(f"{name} {value:g}" for name, value in stage.counts.items())
+        counts = ", ".join(
+            f"{name} {'unknown' if value is None else f'{value:g}'}" for name, value in stage.counts.items()
+        )
         lines.append(f"  {counts}")
         lines += recipe_lines(Recipe.from_dict(stage.recipe)) if stage.recipe else []
     stages = [

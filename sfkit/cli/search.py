@@ -258,7 +258,7 @@ def _subset(text: str | None, file: Path | None) -> tuple[str, ...] | None:
     return None if text is None else source_names("--subset", text)
 
 
-def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float]) -> str:
+def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, Any]) -> str:
     from sfkit.cli.inspection import recipe_lines
     from sfkit.evaluation.combining import LABEL
 
@@ -276,8 +276,10 @@ def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, float
     return "\n".join([*lines, *recipe_lines(found.recipe), _saved(counts), f"wrote {found.merged}"])
 
 
-def _saved(counts: Mapping[str, float]) -> str:
-    """The share of evaluations that cost nothing, such as those of a pool that gained a source since."""
+def _saved(counts: Mapping[str, Any]) -> str:
+    """What evaluations took now, and how many cost nothing, as those of a pool that gained a source since."""
     computed, cached = counts["computed"], counts["cached"]
     share = 100.0 * cached / max(computed + cached, 1)
-    return f"evaluations: {computed} computed, {cached} ({share:.0f} %) were in the store"
+    worked = "" if counts["cpu_seconds"] is None else f" ({counts['cpu_seconds']:.1f} s of CPU)"
+    took = f" in {counts['seconds']:.1f} s{worked}" if computed else ""
+    return f"evaluations: {computed} computed{took}, {cached} ({share:.0f} %) were in the store"

@@ -15,7 +15,7 @@ from sfkit.errors import InputError, SfkitWarning
 from sfkit.evaluation.compute import HERE, Compute
 from sfkit.evaluation.engines import Engine, Result, Runner, check_pool
 from sfkit.evaluation.metrics import ImageErrors, Quantities
-from sfkit.evaluation.outcome import Outcome, Part
+from sfkit.evaluation.outcome import Outcome, Part, total_known
 from sfkit.evaluation.prepared import PreparedBenchmark
 from sfkit.evaluation.separation import trained_on
 from sfkit.evaluation.store import Evaluation, EvaluationStore, evaluation_key
@@ -25,13 +25,14 @@ from sfkit.merging.recipe import Recipe
 
 @dataclass
 class EvaluatorCounts:
-    """What an evaluator has done so far."""
+    """What an evaluator has done so far; CPU seconds are its workers' too, None once one's are not known."""
 
     computed: int = 0
     cached: int = 0
     failed: int = 0
     image_passes: int = 0
     seconds: float = 0.0
+    cpu_seconds: float | None = 0.0
 
 
 class Evaluator:
@@ -276,4 +277,5 @@ class Evaluator:
         self.counts.failed += result.failure is not None
         self.counts.image_passes += len(result.images)
         self.counts.seconds += result.seconds
+        self.counts.cpu_seconds = total_known([self.counts.cpu_seconds, worked])
         return replace(held, cached=False)
