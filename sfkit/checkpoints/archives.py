@@ -116,12 +116,14 @@ def torch_content(path: Path) -> TorchContent | None:
 
 def _archive(path: Path) -> TorchContent | None:
     with zipfile.ZipFile(path) as archive, path.open("rb") as file:
+        # Everything lies below one folder, whose name is of no matter.
         entries = {entry.filename.partition("/")[2]: entry for entry in archive.infolist()}
         # Nothing is inflated: a small file could hold gigabytes.
         stored = all(
             entry.compress_type == zipfile.ZIP_STORED and entry.compress_size == entry.file_size
             for entry in entries.values()
         )
+        # Of two entries by one name readers take either.
         if not stored or len(entries) != len(archive.infolist()):
             return None
         if "byteorder" in entries and archive.read(entries["byteorder"]) != b"little":
@@ -140,6 +142,7 @@ def _archive(path: Path) -> TorchContent | None:
 def _extent(file: IO[bytes], entry: zipfile.ZipInfo) -> tuple[int, int]:
     """Where an entry's content is: behind a header of its own, whose length the directory does not say."""
     file.seek(entry.header_offset)
+    # A local header is 30 bytes, with the lengths of a name and of further fields at 26 and 28.
     header = file.read(30)
     if header[:4] != b"PK\3\4":
         raise ValueError("no entry")
@@ -283,7 +286,9 @@ def _tensor(storage: _Storage, offset: int, shape: Any, stride: Any, _: bool, __
     if len(shape) > _DIMENSIONS or not all(type(n) is int and 0 <= n < _LARGEST for n in numbers):
         raise ValueError("no shape of a tensor")
     elements = 1
+    # From the last dimension on, whose step is 1 where nothing lies between elements.
     for length, step in zip(reversed(shape), reversed(stride), strict=True):
+        # A dimension of one entry may have any step.
         if length > 1 and step != elements:
             raise ValueError("no contiguous tensor")
         elements *= length

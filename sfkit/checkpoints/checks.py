@@ -80,6 +80,7 @@ def check_keys(
     absent = tuple(s.key for s in missing if s.optional and not s.tolerant)
     fatal = [s.key for s in missing if not s.tolerant and (is_base or not s.optional)]
     extra = sorted(set(found) - names - set(known_extra))
+    # A counter that no inference reads is no reason to refuse a file.
     extra = [key for key in extra if not key.endswith(COUNTER)]
     if fatal:
         more = f" (and {len(fatal) - 1} more)" if len(fatal) > 1 else ""
@@ -109,6 +110,7 @@ def check_values(path: Path, key: str, tensor: torch.Tensor) -> None:
     Raises:
         InputError: names the key and counts the values.
     """
+    # Finite where both parts are.
     tensor = torch.view_as_real(tensor) if tensor.is_complex() else tensor
     if not tensor.is_floating_point() or not tensor.numel():
         return

@@ -24,6 +24,7 @@ def tensor_digest(tensor: torch.Tensor) -> str:
         return content_digest(str(tensor.dtype), tuple(tensor.shape), b"")
     # Of a view that is negated or conjugated, the bytes it stands for.
     plain = tensor.detach().resolve_conj().resolve_neg().contiguous().reshape(-1)
+    # As bytes, since numpy has no bfloat16.
     flat = plain.view(torch.uint8).numpy().data
     return content_digest(str(tensor.dtype), tuple(tensor.shape), flat)
 
@@ -36,6 +37,7 @@ def content_digest(dtype: str, shape: tuple[int, ...], content: bytes | memoryvi
         shape: of the tensor.
         content: its elements in order, little-endian.
     """
+    # The same bytes in another shape or type are another tensor.
     digest = hashlib.sha256(f"{dtype}{shape}".encode())
     digest.update(content)
     return digest.hexdigest()

@@ -32,6 +32,7 @@ _DTYPES = {
     "U8": "torch.uint8",
     "BOOL": "torch.bool",
 }
+# Names say the bits, such as F16 and I64; a BOOL takes a byte.
 _BYTES = {name: 1 if name == "BOOL" else int(name.strip("BFIU")) // 8 for name in _DTYPES}
 _LARGEST_HEADER = 100_000_000  # bytes, as safetensors has it
 

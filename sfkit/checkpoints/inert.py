@@ -58,6 +58,7 @@ def load_inert(path: Path, *, mapped: bool) -> object:
     import torch
 
     kinds: dict[str, type[Placeholder]] = {}
+    # torch refuses at the first unknown name, so that a round learns one.
     for _ in range(ROUNDS):
         stand_ins = [(_placeholder(name, kind), name) for name, kind in kinds.items()]
         try:

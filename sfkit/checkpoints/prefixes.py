@@ -59,6 +59,7 @@ def network_prefix(
     found = {p: needed & _names(tensors, p, rename) for p in ("", *_candidates(tensors, 1))}
     # Of prefixes with as many keys the shortest: the longer ones lie below it.
     best = max(found, key=lambda p: (len(found[p]), -len(p)))
+    # Less than half could be chance.
     if best and 2 * len(found[best]) > len(needed):
         raise InputError(
             f"{path}: under the prefix {best!r} lie {len(found[best])} of the {len(needed)} tensors the "
@@ -78,5 +79,6 @@ def _candidates(tensors: Mapping[str, torch.Tensor], least: int) -> list[str]:
     counts: Counter[str] = Counter()
     for key in tensors:
         parts = key.split(".")
+        # The last part is the tensor's own name.
         counts.update(".".join(parts[:depth]) + "." for depth in range(1, min(DEPTH + 1, len(parts))))
     return sorted((p for p, count in counts.items() if count >= least), key=lambda p: (p.count("."), p))

@@ -95,6 +95,7 @@ def _read_shards(path: Path, looks: dict[Path, Signature]) -> CheckpointFile:
     places = _index(path)
     found: dict[str, torch.Tensor] = {}
     for name in sorted(set(places.values())):
+        # A path could lead anywhere on the disk.
         if Path(name).name != name:
             raise InputError(f"{path}: names the file {name!r}, expected files of its own folder")
         shard = path.with_name(name)

@@ -72,6 +72,7 @@ class StoredFile:
 
         if any(place.dtype not in _NUMPY for place in self.places.values()):
             return None
+        # Mapped, so that looking at one tensor reads its pages alone.
         pages = np.memmap(self.path, np.uint8, "r")
         return {
             key: pages[place.begin : place.end].view(_NUMPY[place.dtype]).reshape(place.shape)
@@ -111,6 +112,7 @@ def stored_file(path: Path) -> StoredFile | None:
     return StoredFile(path, found, layout, own_texts(path, content.value))
 
 
+# The look is part of the key: a file that was written again is read again.
 @lru_cache(maxsize=16)  # a folder's files are looked at several times
 def _content(path: Path, _: Signature) -> TorchContent | None:
     return torch_content(path)

@@ -48,6 +48,7 @@ def check_file(
         raise InputError(f"{path}: a file of {kind} ends in {' or '.join(endings)}: {advice}")
     if path.is_dir():
         raise InputError(f"{path}: is a folder, expected the name of a file to write")
+    # As Python spells bytes that are no UTF-8.
     if any("\ud800" <= letter <= "\udfff" for letter in str(path)):
         raise InputError(f"{path}: is no UTF-8, expected a name that safetensors and torch can write")
     if path.exists() and not overwrite:
@@ -66,6 +67,7 @@ def ensure_room(path: Path, size: int) -> None:
     Raises:
         InputError: less is free there.
     """
+    # Its folder may be yet to come: what exists above lies on the same disk.
     place = next(f for f in path.absolute().parents if f.exists())
     free = shutil.disk_usage(place).free
     if free < size:

@@ -43,6 +43,7 @@ def write_checkpoint(
             its folder cannot be made.
     """
     path, form = check_target(path, form, overwrite=overwrite), member_of(FileForm, "form", form)
+    # safetensors refuses views with gaps.
     tensors = {key: tensor.detach().cpu().contiguous() for key, tensor in state.items()}
     if form is FileForm.SAFETENSORS:
         header = {**metadata, "format": "pt", "sfkit.container": layout.container or ""}
@@ -95,6 +96,7 @@ def _separate(tensors: Mapping[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     seen: set[int] = set()
     separate = {}
     for key, tensor in tensors.items():
+        # What begins at one address shares its memory.
         place = tensor.data_ptr()
         separate[key] = tensor.clone() if place in seen else tensor
         seen.add(place)

@@ -81,6 +81,7 @@ def _yardstick(evaluator: Evaluator) -> Yardstick:
             f"benchmark {evaluator.benchmark.name!r}: the uniform merge failed "
             f"({evaluation.failure}), expected a score that others are compared with: guide by one metric"
         )
+    # Over single images, whatever the protocol pools: how far this benchmark's pairs scatter.
     spread = statistics.stdev(image.value(evaluator.metric) for image in evaluation.images)
     if spread == 0:
         raise InputError(
@@ -113,6 +114,7 @@ class CombinedScorer:
         if not evaluators:
             raise InputError("validation: found no benchmark, expected at least one")
         known = [e for e in evaluators if isinstance(e, Evaluator)]
+        # A census residual and an error by ground truth do not add, though both may be in percent.
         if changes is None and len({e.metric.needs_truth for e in known}) > 1:
             changes = Changes(known)
         units = {e.metric.unit for e in known}

@@ -49,6 +49,7 @@ class Compute:
     )
 
     def __post_init__(self) -> None:
+        # Refuses an unknown precision.
         ForwardMode(self.precision, self.channels_last)
         check_device_name(self.device)
         ensure_known("engine", self.engine, ENGINES)

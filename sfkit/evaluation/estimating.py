@@ -62,6 +62,7 @@ def estimate(scorer: Evaluator | CombinedScorer, recipe: Recipe, evaluations: in
         )
     seconds = sum(evaluator([recipe])[0].seconds for evaluator in known)
     images = sum(len(evaluator.benchmark) for evaluator in known)
+    # All wait for the one with the fewest.
     workers = min(evaluator.engine.workers for evaluator in known)
     return Estimate(evaluations, seconds, peak_memory(), images, workers)
 
@@ -76,4 +77,5 @@ def peak_memory() -> int:
     except ModuleNotFoundError:
         return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    # Bytes on macOS, kilobytes elsewhere.
     return peak if sys.platform == "darwin" else peak * 1024

@@ -92,6 +92,7 @@ class Evaluator:
         for doubt in (self.prepared.doubt(), trained_on(pool, benchmark)):
             if doubt:
                 warnings.warn(doubt, SfkitWarning, stacklevel=2)
+        # All that decides a score but the recipe, in content: no name, no place, no number of workers.
         self.frame: dict[str, Any] = {
             "base": pool.base.fingerprint,
             "architecture": pool.describe(),
@@ -203,6 +204,7 @@ class Evaluator:
         known: dict[str, Evaluation] = {}
         missing: dict[str, int] = {}
         for number, key in enumerate(keys):
+            # A recipe that was asked for twice is looked up once.
             held = self.store.get(key) if key not in known and key not in missing else None
             if held is not None and not (held.failure and self.retry_failed):
                 known[key] = held

@@ -83,6 +83,7 @@ def import_evaluations(source: EvaluationStore, target: EvaluationStore) -> tupl
     Raises:
         InputError: a row is not what sfkit writes; nothing is copied then.
     """
+    # All are looked at before one is written.
     for evaluation in source:
         check_evaluation(evaluation, str(source.path))
     copied = held = 0

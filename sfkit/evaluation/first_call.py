@@ -64,7 +64,9 @@ class FirstCall:
 
 def shifted_pair(size: tuple[int, int] = SIZE, shift: int = SHIFT) -> tuple[NDArray[np.uint8], ...]:
     """A textured pair (H, W, 3) uint8 whose disparity is ``shift`` pixels everywhere."""
+    # By a seed of its own, so that every network is shown the same pair.
     noise = np.random.default_rng(7).integers(0, 256, (size[0], size[1] + shift, 3), dtype=np.uint8)
+    # A little soft, as photographs are: noise from pixel to pixel matches nothing in training.
     wide = cv2.GaussianBlur(noise, (5, 5), 1.2)
     return np.ascontiguousarray(wide[:, : size[1]]), np.ascontiguousarray(wide[:, shift:])
 
@@ -128,6 +130,7 @@ def _first(network: nn.Module, inputs: InputConvention) -> tuple[Any, Mistake | 
         return None, Mistake("gradients", sentence), LARGER
     for multiple in MULTIPLES:
         other = replace(inputs, multiple=multiple)
+        # Only multiples of what the convention asks for keep to it.
         if multiple % inputs.multiple == 0 and _runs(network, other, left, right, gradients=False):
             sentence = (
                 f"the network fails on {left.shape[1]}x{left.shape[0]} pixels and runs where both are "

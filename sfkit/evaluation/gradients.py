@@ -38,6 +38,7 @@ class GradientModel:
         self._live = LiveModel(pool, device=device)
         self._layout = pool.layout
         self._parameters = dict(self._live.network.named_parameters())
+        # A live model's parameters want none.
         for parameter in self._parameters.values():
             parameter.requires_grad = True
 

@@ -55,14 +55,17 @@ def deal(sizes: Sequence[int], holdout: float, seed: int) -> tuple[Held, ...]:
     """
     total = sum(sizes)
     rng = generator(seed, Stream.HOLDOUT)
+    # Benchmark after benchmark, shuffled within each: dealt evenly, each part has pairs of all.
     order = [(b, int(i)) for b, size in enumerate(sizes) for i in rng.permutation(size)]
     if holdout < 1:
+        # One pair at least on either side.
         count = min(max(round(total * holdout), 1), total - 1)
         # Spread evenly over the deal: the j-th held-out pair is the one where j / total is first reached.
         marks = [(n + 1) * count // total - n * count // total for n in range(total)]
         folds = [0 if mark else -1 for mark in marks]
         splits = 1
     else:
+        # A fold without a pair would hold nothing out.
         splits = min(int(holdout), total)
         folds = [n % splits for n in range(total)]
     held = [[set[int]() for _ in range(splits)] for _ in sizes]

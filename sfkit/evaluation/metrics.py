@@ -42,6 +42,7 @@ class Quantities:
         """The default thresholds, and whatever else these metrics ask for."""
         parsed = {Metric.parse(metric) for metric in metrics}
         own = sorted((metric for metric in parsed if metric.recorder), key=lambda metric: metric.name)
+        # Without a metric the usual errors are kept, which compare with ground truth.
         needs_truth = not parsed or any(metric.needs_truth for metric in parsed)
         return cls(thresholds_for(*parsed), tuple(own), needs_truth)
 
@@ -262,6 +263,7 @@ def count_errors(
     limits = tuple(sorted({float(t) for t in thresholds}))
     nonfinite = prediction.size - int(np.count_nonzero(np.isfinite(prediction)))
     if nonfinite:
+        # One value that is not finite spoils the map: all its pixels count as wrong.
         sizes = {name: regions.pixels(name) for name in regions.inside}
         broken = {n: RegionErrors(k, math.inf if k else 0.0, (k,) * len(limits), k) for n, k in sizes.items()}
         return ImageErrors(regions.id, limits, nonfinite, broken)
@@ -296,6 +298,7 @@ def _plain(value: float) -> float | str:
 
 def _measure(metric: Metric, prediction: Map, truth: Map, valid: Mask | None) -> float:
     _expect_shape("prediction", prediction, truth.shape)
+    # Files say 0 where nothing was measured.
     known = np.isfinite(truth) & (truth > 0)
     if valid is not None:
         _expect_shape("valid mask", valid, truth.shape)

@@ -78,6 +78,7 @@ def point_cloud(
     rows, columns = np.nonzero(known)
     z = depth[known]
     x = (columns - centre[0]) * z / calibration.focal
+    # Pixels that are no squares have a focal length in either direction.
     y = (rows - centre[1]) * z / (calibration.focal_y or calibration.focal)
     return PointCloud(np.stack([x, y, z], axis=1).astype(np.float32), image[known])
 

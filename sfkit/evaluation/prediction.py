@@ -26,6 +26,7 @@ def predict_together(model: LoadedNetwork, pairs: Sequence[tuple[Image, Image]])
     """Disparities (H, W) in pixels, on the CPU, of pairs of one size that go through the network at once."""
     import torch  # here: pictures and plans of predictions do without
 
+    # A network without parameters runs on the CPU.
     device = next((tensor.device for tensor in model.network.parameters()), torch.device("cpu"))
     prepared = [model.inputs.prepare(left, right) for left, right in pairs]
     left, right = (

@@ -232,6 +232,7 @@ def predict_files(model: LoadedNetwork, plan: PredictionPlan) -> Iterator[Predic
         confidence = None if check is None else check.confidence
         targets["disparity"].parent.mkdir(parents=True, exist_ok=True)
         found = write_prediction(disparity, first, targets, plan.outputs, check)
+        # OpenCV writes blue first.
         write_png(targets["preview"], preview_of(disparity)[..., ::-1])
         write_png(targets["overview"], overview_of(first, disparity, confidence)[..., ::-1])
         yield found

@@ -48,6 +48,7 @@ class PreparedBenchmark:
         checked = [self._checked(pair) for pair in benchmark.pairs]
         self.samples: tuple[Sample, ...] = tuple(sample for sample, _ in checked)
         self.valid: tuple[Mask, ...] = tuple(mask for _, mask in checked)
+        # A file may have been written while the images were decoded.
         self.ensure_unchanged()
         # Two views of three float32 channels; padding hardly matters here.
         total = sum(8 * 3 * sample.left.shape[0] * sample.left.shape[1] for sample in self.samples)

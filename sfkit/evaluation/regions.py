@@ -80,6 +80,7 @@ def regions_of(sample: Sample, valid: Mask, rule: Rule | None = None) -> Regions
         return Regions(sample.id, sample.size, np.zeros(0, np.intp), sample.disparity[known], {}, {})
     masks = {"all": valid & known, "edge": valid & known & edge_mask(sample.size)}
     if sample.nonoccluded is not None:
+        # By range alone: where a protocol counts no occluded pixel, their region still has some.
         split = valid & known if rule is None else rule.in_range(sample)
         masks["visible"] = split & sample.nonoccluded
         masks["occluded"] = split & ~sample.nonoccluded
@@ -89,5 +90,6 @@ def regions_of(sample: Sample, valid: Mask, rule: Rule | None = None) -> Regions
 def edge_mask(size: tuple[int, int], width: int = EDGE_PIXELS) -> Mask:
     """(H, W) bool, True within ``width`` pixels of the image's border."""
     mask = np.ones(size, dtype=np.bool_)
+    # An image narrower than two borders is border throughout.
     mask[width : max(size[0] - width, width), width : max(size[1] - width, width)] = False
     return mask

@@ -103,6 +103,7 @@ def _last(db: sqlite3.Connection, path: Path, size: int) -> int:
     tables = set()
     with contextlib.suppress(*DAMAGE):
         tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master").fetchall()}
+    # The counter first: its page may be whole where the table's end is lost.
     for query in ("SELECT seq FROM sqlite_sequence", "SELECT MAX(number) FROM evaluations"):
         with contextlib.suppress(*DAMAGE):
             found = db.execute(query).fetchone() if "evaluations" in tables else None

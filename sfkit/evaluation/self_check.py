@@ -53,6 +53,7 @@ def self_check(left: NDArray[np.uint8], right: NDArray[np.uint8], disparity: Map
 def consistency(of_left: Map, of_right: Map) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Where both views' disparities (H, W) agree within 1 px, and where the match lies inside the image."""
     finite = np.isfinite(of_left)
+    # Where the match lies in the right image: x - d.
     columns = np.arange(of_left.shape[1]) - np.rint(np.where(finite, of_left, 0)).astype(np.int64)
     inside = finite & (columns >= 0) & (columns < of_left.shape[1])
     back = np.take_along_axis(of_right, np.clip(columns, 0, of_left.shape[1] - 1), axis=1)
@@ -70,5 +71,6 @@ def mean_around(residuals: Map) -> Map:
 
 
 def _confidence(residuals: Map, agree: NDArray[np.bool_]) -> Map:
+    # 1 where both views look alike, 0 where they look no more alike than unrelated images.
     confident = np.clip(1.0 - mean_around(residuals) / CHANCE, 0.0, 1.0)
     return np.asarray(np.where(agree, confident, 0.0), dtype=np.float32)

@@ -181,6 +181,7 @@ def _columns(benchmarks: Iterable[Benchmark]) -> tuple[Benchmark, ...]:
     columns: dict[str, Benchmark] = {}
     for benchmark in benchmarks:
         known = columns.setdefault(benchmark.name, benchmark)
+        # Two contents by one name would share a column.
         if known is not benchmark and _content(known) != _content(benchmark):
             raise InputError(
                 f"benchmark {benchmark.name!r}: found two of this name with other pairs or another protocol, "

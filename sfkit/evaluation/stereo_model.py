@@ -96,6 +96,7 @@ class StereoModel:
             found = len(right) if isinstance(right, list | tuple) else "one image"
             raise InputError(f"right: found {found}, expected a list of {len(left)} images as left")
         pairs = [(_image(a, "left"), _image(b, "right")) for a, b in zip(left, right, strict=True)]
+        # Neighbours of one size alone, so that the order stays.
         groups = itertools.groupby(pairs, key=lambda pair: pair[0].shape)
         return [
             disparity

@@ -112,6 +112,7 @@ class EvaluationStore:
         row = (evaluation.key, description, errors, evaluation.failure, float(evaluation.seconds))
         worked = None if evaluation.cpu_seconds is None else float(evaluation.cpu_seconds)
         with self._writing():
+            # One statement: a result takes a failure's place, and nothing takes a result's.
             cursor = self._db.execute(
                 "INSERT INTO evaluations (key, description, errors, failure, seconds, checksum, cpu_seconds, "
                 "written) VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT (key) DO UPDATE SET "
@@ -169,6 +170,7 @@ class EvaluationStore:
             self._ensure_there()
             with self._as_store_errors(), self._db:
                 yield
+            # Again: it may have been deleted while this was written.
             self._ensure_there()
 
     def _ensure_there(self) -> None:

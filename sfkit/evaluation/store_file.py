@@ -73,6 +73,7 @@ def open_store(path: Path, *, read_only: bool = False) -> sqlite3.Connection:
     if path.is_dir():
         raise StoreError(f"{path}: is a folder, expected an evaluation store or a new file's name")
     kind = file_system(path)
+    # A write-ahead log goes by shared memory, which two machines have none of.
     mode = "delete" if is_shared(kind) else "wal"
     if mode == "delete":
         warnings.warn(

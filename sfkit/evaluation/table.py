@@ -167,6 +167,7 @@ def pivot(scores: pd.DataFrame, *, mean: bool = True) -> pd.DataFrame:
         guided = bool((scores["role"] == "validation").any())
         for (metric, unit), part in scores.groupby(["metric", "unit"], sort=False):
             reported = part[part["role"] == "reported"]
+            # The mean of one benchmark is its column again.
             if reported["benchmark"].nunique() < 2:
                 continue
             if len(reported) < len(part):

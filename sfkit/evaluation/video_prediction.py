@@ -132,6 +132,7 @@ def predict_video(model: LoadedNetwork, plan: VideoPlan) -> Iterator[PredictionF
     """
     limits: tuple[float, float] | None = None
     written: set[Path] = set()
+    # At the video's own speed, though frames are left out.
     rate = plan.video.rate / plan.every
     with writing_video(plan.overview, rate) as append:
         for number, (left, right) in itertools.islice(enumerate(plan.video.pairs()), 0, None, plan.every):
@@ -148,6 +149,7 @@ def predict_video(model: LoadedNetwork, plan: VideoPlan) -> Iterator[PredictionF
 def _settled(limits: tuple[float, float] | None, disparity: Map) -> tuple[float, float]:
     """The video's colour range, moved a little towards this frame's."""
     own = range_of(disparity)
+    # A map without a finite value has no range to move towards.
     if limits is None or not np.isfinite(disparity).any():
         return own if limits is None else limits
     return (limits[0] + _SETTLE * (own[0] - limits[0]), limits[1] + _SETTLE * (own[1] - limits[1]))

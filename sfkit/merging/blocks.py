@@ -41,6 +41,7 @@ class BlockPartition:
 
     def block_of(self, key: str) -> int:
         """Number of the block ``key`` lies in, or ``OUTSIDE``."""
+        # In order: a wider pattern further down takes what is left.
         for number, patterns in enumerate(self.patterns):
             if any(fnmatchcase(key, pattern) for pattern in patterns):
                 return number

@@ -34,4 +34,5 @@ def allocate(elements: int, *, mapped: bool, folder: Path | None = None) -> torc
         return torch.from_file(name, shared=True, size=elements, dtype=torch.float32)
     finally:
         os.close(handle)
+        # Nameless at once: its pages go with the last mapping, however this process ends.
         Path(name).unlink()

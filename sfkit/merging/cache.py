@@ -112,6 +112,7 @@ class VectorCache:
             InputError: the disk has no room for it.
         """
         target = self._vector(key, ".f32")
+        # A cache that a power cut takes is made anew: nothing waits for the disk.
         with writing(target, durable=False) as fresh:
             ensure_pages(target.parent, elements * 4)
             # Sparse: pages take up disk once they are written.
@@ -131,6 +132,7 @@ class VectorCache:
         for path, stat in _files(self._folder("vectors"), "*.f32"):
             told = path.with_suffix(".json")
             values = _read(told) or {}
+            # Each use touches the description; the values keep their time, by which changes are seen.
             used = told.stat().st_mtime if told.is_file() else stat.st_mtime
             found.append(CacheEntry(path.stem, str(values.get("source", "")), stat.st_size, used))
         return sorted(found, key=lambda entry: -entry.used)
@@ -201,6 +203,7 @@ def map_file(path: Path, elements: int, *, writable: bool = True) -> torch.Tenso
 
     Without ``writable`` a write would go to a copy of the page, never to the file.
     """
+    # Private where it is not to be written: a slip then changes this process's pages alone.
     return torch.from_file(str(path), shared=writable, size=elements, dtype=torch.float32)
 
 

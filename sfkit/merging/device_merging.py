@@ -38,7 +38,9 @@ class DeviceMerger:
     def __init__(self, vectors: TaskVectors, device: torch.device, *, budget: int | None = None) -> None:
         self.vectors, self.device = vectors, device
         size = vectors.layout.size
+        # A device that cannot tell what is free is taken to have room.
         room = free_bytes(device) if budget is None else budget
+        # The base is one more.
         self.resident = room is None or (len(vectors.by_source) + 1) * size * 4 <= room
         if self.resident:
             self._base = vectors.base.to(device)
@@ -73,6 +75,7 @@ class DeviceMerger:
             if any(row[e] for row in ordered.weights):  # merge_flat reads no source without a weight
                 stage.copy_(self.vectors.by_source[name][part])
             vectors.append(stage)
+        # One segment that begins at 0: the window is merged as if it were all there is.
         alone = FlatLayout((), (Segment(window.block, window.kind, 0, width),), width)
         merge_flat(ordered, alone, base, vectors, out[part])
 

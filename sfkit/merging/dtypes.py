@@ -42,6 +42,7 @@ def written_as(pool: Pool, dtype: str | None) -> Pool:
         pool,
         dtype=dtype,
         base_tensors={key: within(key, tensor, kind) for key, tensor in pool.base_tensors.items()},
+        # Buffers hold float32: for that type nothing is left to round.
         task_vectors=replace(pool.task_vectors, rounding=None if kind is torch.float32 else kind),
     )
 

@@ -74,6 +74,7 @@ class FlatLayout:
     def fill(self, flat: torch.Tensor, tensors: Mapping[str, torch.Tensor]) -> None:
         """Copy tensors into ``flat`` (P,) by key; a tensor that is absent leaves its place as it was."""
         for spec, offset in self.entries:
+            # A file may hold a tied tensor under any of its keys.
             name = next((k for k in (spec.key, *spec.aliases) if k in tensors), None)
             if name is not None:
                 flat[offset : offset + spec.size].copy_(tensors[name].reshape(-1))

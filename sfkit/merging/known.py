@@ -108,6 +108,7 @@ def architecture_of(tensors: Mapping[str, TensorPlace]) -> str | None:
     fitting = [
         name
         for name, entry in table().items()
+        # With all optional parts or with none: a file with some of them is for torch to look at.
         if found == (entry.whole if any(_any(key, entry.optional) for key in tensors) else entry.required)
         and all(
             tensor.dtype in WEIGHTS
@@ -115,6 +116,7 @@ def architecture_of(tensors: Mapping[str, TensorPlace]) -> str | None:
             if key not in entry.constants and not key.endswith(COUNTER)
         )
     ]
+    # Where two fit alike, keys tell nothing.
     return fitting[0] if len(fitting) == 1 else None
 
 
@@ -179,6 +181,7 @@ def _relations(spec: PoolSpec, entry: KnownArchitecture) -> Relations | None:
     sizes = dict.fromkeys(partition.names, 0)
     for key, theirs in base.items():
         block = partition.block_of(key)
+        # By bytes, as digests compare: 0.0 and -0.0 differ there.
         if block >= 0 and any(arrays[key].tobytes() != theirs.tobytes() for arrays in sound.values()):
             sizes[partition.names[block]] += theirs.size
     return Relations(kinships, sizes)
@@ -219,6 +222,7 @@ def _sound(
     arrays = known[0].arrays() if known and known[1] == architecture else None
     if arrays is None or any(_any(key, entry.optional) for key in arrays) != whole:
         return None
+    # In one order, so that whole contents of files compare.
     kept = {key: arrays[key] for key in sorted(arrays) if not key.endswith(COUNTER)}
     for key, array in kept.items():
         if not np.isfinite(array).all() or (key.endswith(".running_var") and (array < 0).any()):

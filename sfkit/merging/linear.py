@@ -63,6 +63,7 @@ def weighted_sum(
 
 def _coefficients(recipe: Recipe, segment: Segment) -> list[float]:
     """What each task vector is multiplied by in one segment."""
+    # What lies in no block goes by the first one's weights, unscaled.
     block = 0 if segment.block == OUTSIDE else segment.block
     weights = recipe.weights[block]
     if segment.kind is Kind.STATISTIC:

@@ -65,7 +65,9 @@ class LiveModel:
         self.network = pool.build().to(self.device).eval().requires_grad_(requires_grad=False)
         self.flat = torch.empty(self._vectors.layout.size, dtype=torch.float32, device=self.device)
         _load(self.network, pool.base_tensors)
+        # Views from here on: their values are those of the first merge.
         _bind(self.network, self._vectors.layout.views(self.flat))
+        # On the CPU task vectors are read where they lie, mapped files too.
         on_cpu = self.device.type == "cpu"
         self._merger = self._vectors if on_cpu else DeviceMerger(self._vectors, self.device)
         self.recipe = recipe if recipe is not None else pool.base_recipe()

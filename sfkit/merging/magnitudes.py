@@ -63,6 +63,7 @@ class _Inside:
             return self.low
         every = np.concatenate(self._kept)
         place = every.size - k
+        # One place is sorted, all others are only parted by it.
         every.partition(place)
         return float(every[place])
 
@@ -74,6 +75,7 @@ def _inspect(chunks: Chunks, low: float, high: float) -> tuple[int, _Inside]:
     times as long, and in buffers that stay in the cache.
     """
     inside, above = _Inside(low, high), 0
+    # In the values' own type, so that comparing widens none of them.
     least, most = np.float32(low), np.float32(high)
     room, flags = np.empty(0, np.float32), np.empty((2, 0), np.bool_)
     for chunk in chunks():
@@ -92,6 +94,7 @@ def _inspect(chunks: Chunks, low: float, high: float) -> tuple[int, _Inside]:
 
 def _bracket(chunks: Chunks, count: int, k: int) -> tuple[float, float]:
     """Two sampled magnitudes with the k-th largest most likely between them."""
+    # At regular steps: a sample without a draw, the same on every run.
     stride = max(1, count // SAMPLE)
     sample = np.concatenate([chunk.numpy()[::stride] for chunk in chunks()])
     np.abs(sample, out=sample)

@@ -107,6 +107,7 @@ class PoolOpener:
         opened: list[CheckpointFile | None] = []
         for number, member in enumerate(members):
             file = self.read(member.path, is_base=number == 0, wrapping=member.wrapping)
+            # A mapped file takes no memory while it waits; any other is read again at its turn.
             opened.append(file if file.mapped else None)
         return opened
 
@@ -233,6 +234,7 @@ class PoolOpener:
             return False
         differs = spec.key in own and spec.key in theirs and own[spec.key] != theirs[spec.key]
         found = file.tensors[spec.key] if differs else None
+        # Whole numbers count or index: nobody expects a merge of those.
         return found is not None and (found.is_floating_point() or found.is_complex())
 
     def _vector(
@@ -245,6 +247,7 @@ class PoolOpener:
             return _subtract(file, base, changed, values), values
         known = self.cache.vector(key)
         if known is None:
+            # Into the cache's own file: a big vector is never in memory as a whole.
             with self.cache.writing(key, size) as buffer:
                 kinship = _subtract(file, base, changed, buffer)
             self.cache.describe(key, VectorRecord(kinship.cosine, kinship.distance, str(file.path)))

@@ -60,12 +60,14 @@ def load_network(
         file = PoolOpener(entry, chosen, tensor_specs(entry, chosen)).read(path, is_base=True)
     except InputError as error:
         raise InputError(f"{error}{whose_keys(path, entry.name)}") from error
+    # Keys, shapes and types are checked by now, values are not.
     for key, tensor in file.tensors.items():
         check_values(path, key, tensor)
     network = entry.build(**chosen)
     targets = network.state_dict(keep_vars=True)
     with torch.no_grad():
         for key, tensor in file.tensors.items():
+            # Optional parts that the network, by its options, does not have.
             if key in targets:
                 targets[key].copy_(tensor)
     network.eval().requires_grad_(requires_grad=False)
@@ -82,6 +84,7 @@ def _architecture(
     stated = origin.architecture if origin else {"name": name, "options": {}}
     try:
         entry = architecture(name or stated["name"])
+        # Options belong to the architecture that the file names.
         stored = stated["options"] if stated["name"] == entry.name else {}
         return entry, entry.resolve({**stored, **options}, near=path)
     except InputError as error:

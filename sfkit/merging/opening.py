@@ -55,6 +55,7 @@ def open_pool(
     network = undrawn(entry, options)
     specs = specs_of(network, entry)
     partition = BlockPartition.of(spec.blocks or entry.blocks_of(network, options))
+    # Built for the names and shapes of its tensors alone.
     del network
     partition.check(spec.key for spec in specs)
     opener = PoolOpener(entry, options, specs, cache or VectorCache())
@@ -64,6 +65,7 @@ def open_pool(
     except InputError as error:
         raise InputError(f"{error}{whose_keys(spec.base.path, entry.name)}") from error
     base, record = opener.base(spec.base, base_file)
+    # Of all tensors: which ones a source changed shows when it is read.
     order = tuple(s for s, _ in FlatLayout.of(specs, partition).entries)
     told = progress or (lambda *_: None)
     told(spec.base.path, 1, 1 + len(files))

@@ -101,6 +101,7 @@ def _disagreement(
             minority += float(torch.minimum(up, down).sum()) / len(vectors)
         size += length
     norms = gram.diagonal().clamp_min(0.0).sqrt()
+    # A source that left this layer alone has no direction: its cosines are 0.
     scale = torch.where(norms > 0, 1.0 / norms, 0.0)
     cosines = (gram * scale[:, None] * scale[None, :]).numpy()
     return Disagreement(layer, size, np.asarray(cosines, dtype=np.float64), minority / size)
@@ -114,6 +115,7 @@ def _by_modules(pool: Pool, blocks: int) -> list[list[str]]:
     while True:
         weights = [_weight(node, sizes) for node in nodes]
         opened = [_opened(node, sizes) for node in nodes]
+        # What falls into one piece cannot be opened.
         able = [n for n, inner in enumerate(opened) if len(inner) > 1]
         largest = max(able, key=lambda n: weights[n], default=None)
         if largest is None or (weights[largest] <= share and len(nodes) >= blocks):
@@ -195,6 +197,7 @@ def _by_disagreement(pool: Pool, blocks: int) -> list[list[str]]:
     for spec in pool.specs:
         if spec.kind is Kind.CONSTANT:
             continue
+        # A layer that no source changed stays with the one before it.
         current = block_of.get(_layer(spec.key), current)
         groups.setdefault(current, []).append(glob.escape(spec.key))
     return list(groups.values())
@@ -208,6 +211,7 @@ def _clusters(points: Floats, weights: Sequence[int], count: int) -> list[int]:
         distance = _distances(points, points[chosen]).min(axis=1)
         # Below 0, so that doubles of a chosen point begin clusters before it would be chosen again.
         distance[chosen] = -1.0
+        # Weighted, so that a tiny layer far from all others begins no cluster.
         chosen.append(int((distance * np.sqrt(mass)).argmax()))
     centres = points[chosen].copy()
     labels = np.full(len(points), -1)

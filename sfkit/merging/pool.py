@@ -63,6 +63,7 @@ class Pool:
 
     def __post_init__(self) -> None:
         if not self.origins:
+            # As it was read, each source is made from itself.
             object.__setattr__(self, "origins", {source.name: (source,) for source in self.sources})
 
     @property
@@ -278,6 +279,7 @@ class Pool:
         return {
             key: _as_precise(key, merged[key], tensor.dtype) if key in merged else tensor
             for key, tensor in self.base_tensors.items()
+            # A part that the network is built without is not written.
             if key in held or not self.architecture.is_optional(key)
         }
 

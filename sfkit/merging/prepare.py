@@ -65,6 +65,7 @@ def prepare(
         InputError: a step names sources the pool does not have, would give a new source a name that is
             taken, stands after one that it needs to stand before, or needs importances that are not given.
     """
+    # What changes nothing leaves no trace in names and keys.
     active = tuple(step for step in steps if not (isinstance(step, Sparse) and step.idle))
     if not active:
         return pool
@@ -72,6 +73,7 @@ def prepare(
     sources = [_Source(member, pool.origins[member.name], _row(pool, member)) for member in pool.sources]
     for step in active:
         if isinstance(step, Trim):
+            # All rows at once, in threads; each step then finds its own ready.
             known.find([source.row for source in sources], step, pool.layout)
         if isinstance(step, Sparse):
             sources = [_thinned(source, step, pool, known) for source in sources]
@@ -119,6 +121,7 @@ def _row(pool: Pool, member: Checked) -> Row:
 
 def _thinned(source: _Source, step: Sparse, pool: Pool, thresholds: Thresholds) -> _Source:
     identity = _identity(pool, step, [source.row.fingerprint])
+    # The first step follows a slash, further ones a comma.
     name = f"{source.member.name}{',' if '/' in source.member.name else '/'}{step.label}"
     member = replace(source.member, name=name, fingerprint=identity)
     return _Source(member, source.origins, thinned(source.row, step, pool.layout, identity, thresholds))
@@ -198,6 +201,7 @@ def _information(
 
 def _identity(pool: Pool, step: Step, parents: Sequence[str], weights: Sequence[float] = ()) -> str:
     """The fingerprint of what a step makes: by content, so neither names nor the pool's order matter."""
+    # Left out: names, and what parents and weights say by their order.
     values = {k: v for k, v in settings(step).items() if k not in ("name", "sources", "weights", "on")}
     content = [f"sfkit-prepared/{VERSION}", pool.base.fingerprint, step.kind, values, list(parents)]
     return text_digest(json.dumps([*content, list(weights)], sort_keys=True))
@@ -216,6 +220,7 @@ def _written(source: _Source, pool: Pool, cache: VectorCache) -> torch.Tensor:
     if known is None:
         with cache.writing(key, size) as buffer:
             _copy(source.row, pool, buffer)
+        # A prepared vector has no kinship: the numbers are those of the base to itself.
         cache.describe(key, VectorRecord(1.0, 0.0, source.member.name))
         known = cache.vector(key)
     if known is None:

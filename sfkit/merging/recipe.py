@@ -132,11 +132,14 @@ class Recipe:
         """
         # Adding a source with weight 0 is the same network: it shall not be evaluated again.
         used = [e for e in range(len(self.sources)) if any(row[e] != 0.0 for row in self.weights)]
+        # By content: neither names nor the order of pool.toml change a key.
         order = sorted(used, key=lambda e: identity[self.sources[e]])
         sources = [identity[self.sources[e]] for e in order]
         rows = [[row[e] for e in order] for row in self.weights]
+        # The base, whatever scales there are.
         if not sources:
             return {"sources": []}
+        # Where all blocks are alike the partition decides nothing.
         if self.tied and all(scale == 1.0 for scale in self.scales):
             return {"sources": sources, "weights": rows[0]}
         return {"sources": sources, "weights": rows, "scales": list(self.scales), "partition": partition}
@@ -240,6 +243,7 @@ def routed(
         InputError: a row does not sum to 1 (within 1e-6).
     """
     for block, row in zip(blocks, weights, strict=True):
+        # Up to rounding: weights that went through a file or a softmax.
         if abs(math.fsum(row) - 1.0) > 1e-6:
             raise InputError(
                 f"recipe: block {block!r} has weights that sum to {math.fsum(row):g}, expected 1: "

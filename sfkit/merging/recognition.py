@@ -59,6 +59,7 @@ def recognised(path: Path) -> tuple[str, ...]:
     from sfkit.merging.members import PoolOpener
     from sfkit.merging.tensor_specs import tensor_specs
 
+    # What cannot be read fits nothing, and says why here.
     read_checkpoint(path)
     fitting = []
     for name in architectures():
@@ -133,6 +134,7 @@ def family(folder: Path, base: str | None = None) -> CheckpointFamily:
         if not kinds[path]:
             skipped[path] = f"{path}: fits no architecture sfkit knows"
     counts = Counter(name for found in kinds.values() for name in found)
+    # The architecture of most files, of equals the first by name.
     name = min(counts, key=lambda candidate: (-counts[candidate], candidate), default="")
     members = [path for path, found in kinds.items() if name in found]
     if len(members) < 2:
@@ -154,6 +156,7 @@ def _family(
     weights = {path: _matrices(path, name) for path in members}
     keys = [key for key in weights[members[0]] if all(key in held for held in weights.values())]
     flat = {p: np.concatenate([held[key].reshape(-1) for key in keys]) for p, held in weights.items()}
+    # In float64: a fine-tune's distance is a small difference.
     flat = {path: vector.astype(float) for path, vector in flat.items()}
     norms = {path: float(np.linalg.norm(vector)) for path, vector in flat.items()}
     apart = {
@@ -216,6 +219,7 @@ def _names(paths: Sequence[Path]) -> list[str]:
             "_-"
         )
         name, number = stem or "source", 2
+        # Tables call other rows by these names.
         while name in (*names, *ROWS):
             name, number = f"{stem}_{number}", number + 1
         names.append(name)

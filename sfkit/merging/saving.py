@@ -59,8 +59,10 @@ def save_merged(
             refused (:func:`~sfkit.checkpoints.writing.check_target`).
     """
     metadata = origin_metadata(pool, recipe)
+    # Merged before anything is written: what this type cannot hold is refused here.
     state, layout = pool.state_dict(recipe), pool.base.layout
     path = check_target(path, form, overwrite=overwrite)
+    # First, so that no weights lie there without their recipe.
     write_beside(path, layout, metadata, form, state=state, overwrite=overwrite)
     written = write_checkpoint(path, state, layout=layout, metadata=metadata, form=form, overwrite=overwrite)
     try:
@@ -100,6 +102,7 @@ def write_beside(
     ):
         return
     sidecar = sidecar_of(path)
+    # A file of that name may be the user's own.
     ours = sidecar.exists() and "sfkit.recipe" in sidecar.read_text(encoding="utf-8", errors="replace")
     if sidecar.exists() and not (overwrite and ours):
         raise InputError(

@@ -135,6 +135,7 @@ def _thresholds(row: Row, step: Trim, layout: FlatLayout) -> dict[str, float]:
         count = sum(tensor[-1].stop - tensor[0].start for tensor in group)
         if not count:
             continue
+        # However small the density, one entry is kept.
         value = kth_magnitude(partial(_read, row, group), count, max(1, int(step.density * count)))
         if value > 0.0:  # else fewer entries than that are not 0, and all of them stay
             found.update((tensor[0].key, value) for tensor in group)
@@ -162,6 +163,7 @@ def _dropped(row: Row, step: Drop, layout: FlatLayout) -> Callable[[Piece], torc
             return 1.0 / (1.0 - step.probability)
         if step.rescale == "none":
             return 1.0
+        # Exact sums over pieces of one size: the same factor wherever it is computed.
         before = math.fsum(float(row.read(piece).abs().sum(dtype=torch.float64)) for piece in by_key[key])
         after = math.fsum(float(masked(piece).abs().sum(dtype=torch.float64)) for piece in by_key[key])
         return before / after if after > 0.0 else 1.0
@@ -180,5 +182,6 @@ def _kept(row: Row, step: Drop, piece: Piece) -> torch.Tensor:
     generator = np.random.PCG64(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "big"))
     generator.advance(piece.offset // 2)  # one draw of 64 bits serves two entries
     size = piece.stop - piece.start
+    # Little-endian on any machine, so that all keep the same entries.
     draws = np.asarray(generator.random_raw((size + 1) // 2)).astype("<u8").view("<u4")[:size]
     return torch.from_numpy(draws >= np.uint32(round(step.probability * 2**32)))

@@ -51,6 +51,7 @@ def smallest_bound(
     else:
         options = _bred(bound, space, count, best, rng)
         weights = equal_weights(options, count)
+    # Left out here: the listing is the same for every proposal, what is met is not.
     fresh = [n for n, chromosome in enumerate(options) if chromosome not in met]
     if not fresh:
         # Reads past what is met and no further: a space of 2^30 is never listed.
@@ -78,6 +79,7 @@ def unmet(space: SubsetSpace, met: Collection[Chromosome]) -> Iterator[Chromosom
                 yield chromosome
 
 
+# Every proposal asks for the same listing.
 @lru_cache(maxsize=8)
 def listed(space: SubsetSpace) -> tuple[Chromosome, ...]:
     """Every subset of a space, genes ascending, small ones first."""
@@ -100,6 +102,7 @@ def _bred(
     numbered: list[tuple[Chromosome, Rank]] = []
 
     def ranked(chromosomes: Sequence[Chromosome]) -> list[tuple[Chromosome, Rank]]:
+        # By sorted genes: the bound knows no order, and one subset must be met once.
         ordered = [tuple(sorted(chromosome)) for chromosome in chromosomes]
         met.update(dict.fromkeys(ordered))
         first = len(numbered)

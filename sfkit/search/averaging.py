@@ -204,6 +204,7 @@ def resampled(scorer: Scorer, recipes: Sequence[Recipe], resamples: int, seed: i
         scores = []
         for slot, b in enumerate(benchmarks):
             score = _score(tables[b], images[slot][b][r])
+            # Yardsticks are of all pairs: a resample moves scores, not their unit.
             scores.append(score if changes is None else (score - changes[b].uniform) / changes[b].spread)
         every = np.stack(scores)
         found.append(every.max(axis=0) if scorer.how == "worst" else every.mean(axis=0))
@@ -228,10 +229,12 @@ def average(counts: Mapping[Recipe, int], names: Sequence[str]) -> Recipe:
     if not counts:
         raise InputError("average: found no recipe, expected at least one")
     first = next(iter(counts))
+    # As it is: through a product and a quotient its weights would change in their last bits.
     if len(counts) == 1:
         return first
     if any((one.blocks, one.preparation) != (first.blocks, first.preparation) for one in counts):
         raise InputError("average: found recipes over other blocks or preparations, expected the same ones")
+    # In the pool's order, whichever winner names a source first.
     sources = tuple(name for name in names if any(name in recipe.sources for recipe in counts))
     total = sum(counts.values())
     strengths = np.zeros((len(first.blocks), len(sources)))
@@ -240,6 +243,7 @@ def average(counts: Mapping[Recipe, int], names: Sequence[str]) -> Recipe:
         columns = [sources.index(name) for name in recipe.sources]
         weights = np.array(recipe.weights) * (count / total)
         plain[:, columns] += weights
+        # Scales are averaged within the product: gamma times pi is what a task vector is multiplied by.
         strengths[:, columns] += weights * np.array(recipe.scales)[:, None]
     rows, scales = [], []
     for b, strength in enumerate(strengths):
@@ -258,6 +262,7 @@ def _drawn(resamples: int, size: int, count: int, seed: int, *part: int) -> Indi
 
 def _terms(evaluator: Evaluator, recipes: Sequence[Recipe]) -> tuple[Scores, Scores]:
     """Numerators and denominators, (recipes, images) each, from the store; no count goes up."""
+    # The same store with counts of its own: what is read again is no evaluation of the search.
     reader = evaluator.with_store(evaluator.store)
     rule, metric = evaluator.benchmark.rule, evaluator.metric
     terms = [rule.terms(evaluation.images, metric) for evaluation in reader.evaluate(recipes)]

@@ -203,6 +203,7 @@ class Search(ABC, Generic[C]):
             raise InputError(
                 f"{self.kind} search: no step is left ({self.reason}): make a new search to go on"
             )
+        # Earlier candidates were written with their own generation.
         before = len(self.state.candidates)
         self._advance()
         finished = Generation(

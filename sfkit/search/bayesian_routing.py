@@ -208,8 +208,10 @@ class BayesianRoutingSearch(RoutingSearch):
         best, radius = self.best, self.settings.sigma
         lowest, good, bad = math.inf, 0, 0
         for candidate in self._state.candidates:
+            # A failed one is infinite, and so never a gain.
             better = candidate.fitness < lowest
             lowest = min(lowest, candidate.fitness)
+            # Not drawn in the region: these say nothing of how wide it should be.
             if candidate.origin != "sample" or self._bold(candidate.number):
                 continue
             good, bad = (good + 1, 0) if better else (0, bad + 1)
@@ -217,6 +219,7 @@ class BayesianRoutingSearch(RoutingSearch):
                 radius, good = min(2.0 * radius, 4.0 * self.settings.sigma), 0
             elif bad >= self.settings.patience:
                 radius, bad = radius / 2.0, 0
+            # Draws hardly differ any more: it begins anew around the best.
             if radius < self.settings.smallest:
                 radius = self.settings.sigma
         centre = tuple(self._mean()) if best is None else best.x
@@ -232,9 +235,11 @@ class BayesianRoutingSearch(RoutingSearch):
         told: list[Prediction | None] = []
         for number in range(len(self._state.candidates), len(self._state.candidates) + count):
             if model is None:
+                # Nothing to learn from yet.
                 x, prediction = centre + region.sigma * rng.standard_normal(centre.size), None
             else:
                 if vectors:
+                    # The kriging believer: what was just proposed counts as scored, at the mean.
                     model = model.believing(self._points(vectors[-1][None, :]))
                 x, prediction = self._acquired(model, region, rng, bold=self._bold(number))
             vectors.append(x)
@@ -246,10 +251,12 @@ class BayesianRoutingSearch(RoutingSearch):
     ) -> tuple[Vector, Prediction]:
         """The smallest bound among draws in the region, or far and near, then nearer and nearer around it."""
         around, found = np.array(region.mean), (math.inf, math.inf, math.inf)
+        # A bold proposal explores, one inside the region refines.
         beta = self.settings.beta / (1.0 if bold else 2.0)
         radii = [np.array(region.sigma) / _CLOSER**n for n in range(3)]
         if bold:
             far = self.settings.far
+            # Even in the logarithm, so that near and far are looked at alike.
             ends = (math.log(min(_NEAREST, far)), math.log(far))
             radii = [
                 np.exp(rng.uniform(*ends, (2 * _DRAWN, 1))),
@@ -281,6 +288,7 @@ class BayesianRoutingSearch(RoutingSearch):
         points, scores = self._learned_from(own)
         if len(scores) < 2 or not np.isfinite(scores).any():
             return None
+        # At fixed numbers of candidates: a search that goes on after a kill fits the same models.
         count = len(own) if len(own) < _REFIT else len(own) - len(own) % _REFIT
         if self._fitted is None or self._fitted[0] != count:
             before, known = self._learned_from(own[:count])
@@ -306,9 +314,11 @@ class BayesianRoutingSearch(RoutingSearch):
         rows = np.full((len(draws), len(self.blocks), count), 1.0 / count)
         scales = np.ones((len(draws), len(self.blocks)))
         free = [self.blocks.index(block) for block in encoding.free]
+        # A tied row serves frozen blocks as well; what is frozen there is the scale.
         moved = slice(None) if encoding.tied else free
         rows[:, moved] = powers / powers.sum(axis=2, keepdims=True)
         if encoding.scaled:
+            # As scale_of (eq. 11), for all draws at once.
             half = (encoding.gamma[1] - encoding.gamma[0]) / 2.0
             scales[:, free] = 1.0 + half * np.tanh(draws[:, -len(free) :] / 2.0)
         return by_block(rows, scales)

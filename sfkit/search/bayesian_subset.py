@@ -201,6 +201,7 @@ class BayesianSubsetSearch(SubsetSearch):
         for entry in self.known:
             if (chromosome := self._chromosome(entry.recipe)) is not None:
                 drafts.setdefault(chromosome, Draft(chromosome, (), ("known",)))
+        # A small space has fewer subsets than a population asks for, and draws of new ones would never end.
         wanted = min(self.settings.population, self.space.subsets)
         everything = self.space.allowed
         if len(drafts) < wanted and self.space.holds(everything):
@@ -226,12 +227,14 @@ class BayesianSubsetSearch(SubsetSearch):
             if model is None:  # nothing has a finite score yet
                 chromosome, prediction = self._unmet(met, rng), None
             else:
+                # The kriging believer, as in Stage 2.
                 if drafts:
                     before = equal_weights([drafts[-1].chromosome], len(self.sources))
                     model = model.believing(self._points(before))
                 chromosome, prediction = self._acquired(model, met, rng)
             drafts.append(Draft(chromosome, (), ("random" if prediction is None else "model",)))
             told.append(prediction)
+            # The next of the batch is then another subset.
             met.add(chromosome)
         return drafts, told
 
@@ -251,6 +254,7 @@ class BayesianSubsetSearch(SubsetSearch):
 
     def _model(self) -> Surrogate | None:
         """What this search's candidates and everything scored before tell; None where nothing has a score."""
+        # A repeated one is a point the model has already.
         own = [candidate for candidate in self._state.candidates if not candidate.repeated]
         scores = np.array([*(c.score for c in own), *(entry.score for entry in self._others)])
         if len(scores) < 2 or not np.isfinite(scores).any():

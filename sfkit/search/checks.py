@@ -118,6 +118,7 @@ def check_gamma(argument: str, gamma: tuple[float, float]) -> tuple[float, float
     low, high = gamma
     require_between(argument, low, 0.0)
     require_between(argument, high, 0.0)
+    # With tolerance: decimal bounds may miss the midpoint by a rounding.
     if not low < 1.0 < high or abs((low + high) / 2.0 - 1.0) > 1e-9:
         raise InputError(
             f"{argument}: found [{low:g}, {high:g}], expected bounds around 1 with 1 in the middle, such as "

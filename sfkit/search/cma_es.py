@@ -73,6 +73,7 @@ class CmaEs:
             "randn": lambda rows, columns: self._rng.standard_normal((rows, columns)),
             # pycma seeds numpy's global state unless this is NaN.
             "seed": math.nan,
+            # pycma would mirror samples in populations below 6; here all are plain draws.
             "CMA_mirrors": 0,
             "tolfun": tolfun,
             "tolx": tolx,
@@ -90,6 +91,7 @@ class CmaEs:
         self._rng = self._fresh_generator()
         self._asked = [np.asarray(x, dtype=np.float64) for x in self._es.ask()]
         self.distribution = self._read()
+        # Copies: pycma is told of the very vectors it gave.
         return tuple(x.copy() for x in self._asked)
 
     def tell(self, fitness: Sequence[float]) -> None:
@@ -108,6 +110,7 @@ class CmaEs:
 
     def _read(self) -> Distribution:
         sigma = float(self._es.sigma)
+        # D holds the roots of C's eigenvalues: these are standard deviations along the principal axes.
         axes = sorted(sigma * float(root) for root in self._es.sm.D)
         return Distribution(tuple(float(m) for m in self._es.mean), sigma, tuple(axes))
 
@@ -122,4 +125,5 @@ def finite_fitness(fitness: Sequence[float], worst: float) -> list[float]:
         fitness: one value a candidate; ``inf`` where it failed.
         worst: the worst finite fitness of the search so far, these candidates included.
     """
+    # All different: equal ones would look like a flat function, on which CMA-ES stops.
     return [value if math.isfinite(value) else worst + 1.0 + i for i, value in enumerate(fitness)]

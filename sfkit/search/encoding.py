@@ -98,6 +98,7 @@ class Encoding:
         # Entry r is a_r, then b_r: one reshape parts them for any number of vectors.
         factors = x[..., sources : self._cut].reshape(*many, self.rank, self.rows + sources)
         a, b = factors[..., : self.rows], factors[..., self.rows :]
+        # u for every block, and the sum over r of a_r b_r^T.
         return np.asarray(x[..., None, :sources] + np.swapaxes(a, -1, -2) @ b)
 
     def decode(self, x: Vector) -> Recipe:
@@ -147,6 +148,7 @@ class Encoding:
             ``dimension`` numbers; each row of logits has a mean of 0. Low-rank routing gets the nearest
             logits of its rank.
         """
+        # Tied rows are all alike, so that the first stands for them.
         rows = (
             recipe.weights[:1] if self.tied else [recipe.weights[recipe.blocks.index(b)] for b in self.free]
         )
@@ -165,8 +167,10 @@ class Encoding:
     def _factors(self, logits: Vector) -> Vector:
         """u, then a_r and b_r, of the nearest W = 1 u^T + sum_r a_r b_r^T in the sum of squares."""
         u = logits.mean(axis=0)
+        # The first factors of an SVD are the nearest matrix of their rank (Eckart and Young 1936).
         left, strengths, right = np.linalg.svd(logits - u, full_matrices=False)
         factors = np.zeros((self.rank or 0, self.rows + len(self.sources)))
+        # Where R exceeds the matrix's rank, further factors stay 0.
         for r in range(min(len(factors), len(strengths))):
             # Each side takes the root of the strength: steps of CMA-ES, alike in all entries, then move both
             # alike.

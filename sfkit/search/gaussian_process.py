@@ -29,6 +29,7 @@ LENGTHS: tuple[float, ...] = tuple(float(v) for v in np.geomspace(0.1, 3.2, 11))
 """Length scales that are tried, in units of the features."""
 NOISES: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1)
 """Variances of the noise that are tried, as shares of the signal's variance."""
+# The middle of LENGTHS, where every climb begins.
 _CENTRE = 5
 Place = tuple[int, ...]
 """Indices on a grid of hyper-parameters."""
@@ -61,6 +62,7 @@ class GaussianProcess:
         """Mean and standard deviation of the noiseless value at m points: (m,) each (eqs. 2.25 and 2.26)."""
         across = matern(distances(points, self.points), self.lengths)
         mean = self.mean + across @ self.weights
+        # k^T K^-1 k as a sum of squares of L^-1 k, which is never negative.
         explained = np.sum((across @ self.inverse.T) ** 2, axis=1)
         # At a point it learned from, rounding can leave less than no variance.
         return mean, np.sqrt(self.variance * np.maximum(1.0 - explained, _SMALLEST))
@@ -106,6 +108,7 @@ def fit(
         nonlocal last
         if where not in seen:
             kernel = matern(apart, [LENGTHS[i] for i in where])
+            # The climb over noises begins where that of the neighbour ended.
             seen[where] = _best_noise(kernel, values, noises, last)
             last = seen[where][1]
         return seen[where][0]
@@ -156,11 +159,13 @@ def _climb(start: Place, size: int, height: Callable[[Place], float]) -> Place:
 
 def _best_noise(kernel: Array, values: Array, noises: Sequence[float], start: int) -> tuple[float, int]:
     """Highest evidence and which noise has it, by a climb from one of them."""
+    # Values and ones are solved for in one pass through the factor.
     sides, diagonal = np.column_stack([values, np.ones_like(values)]), np.arange(len(values))
     seen: dict[Place, float] = {}
 
     def evidence(where: Place) -> float:
         if where not in seen:
+            # A copy: the factorisation writes over it.
             noisy = kernel.copy()
             noisy[diagonal, diagonal] += noises[where[0]]
             seen[where] = _evidence(noisy, sides)
@@ -178,14 +183,17 @@ def _evidence(noisy: Array, sides: Array) -> float:
         sides: the values, and ones, (n, 2).
     """
     # LAPACK itself: its wrappers check and copy for longer than a small matrix takes.
+    # LAPACK reads columns first: the transpose of a symmetric matrix is itself, without a copy.
     factor, failed = lapack.dpotrf(noisy.T, lower=1, overwrite_a=1, clean=0)
     if failed:
         return -math.inf
     along, ones = lapack.dtrtrs(factor, sides, lower=1)[0].T
+    # The constant mean by generalised least squares (eq. 2.44), then taken off.
     weight = float(ones @ ones)
     rest = along - (along @ ones) / weight * ones
     # Values that are all equal leave nothing, which has no logarithm.
     fitted = max(float(rest @ rest) / len(rest), _SMALLEST)
+    # log det K from its factor.
     spread = 2.0 * float(np.sum(np.log(factor.diagonal())))
     return -0.5 * (len(rest) * math.log(fitted) + spread + math.log(weight))
 
@@ -200,6 +208,7 @@ def _posterior(
     kernel = matern(distances(points, points), lengths)
     # Two points can be one, as believed ones may: without any noise there is no factor.
     factor = np.linalg.cholesky(kernel + max(noise, 1e-8) * np.eye(len(values)))
+    # Kept: each later prediction is then one product.
     inverse = np.linalg.inv(factor)
     ones, along = inverse.sum(axis=1), inverse @ values
     mean, variance = fixed or (float(ones @ along / (ones @ ones)), 0.0)

@@ -87,6 +87,7 @@ def read_journal(path: str | os.PathLike[str]) -> tuple[Record, ...]:
         raise InputError(
             f"journal {file}: no such file, expected what a search with journal=Journal(...) wrote"
         )
+    # As bytes: a line that a kill cut need not be text.
     lines = [line for line in file.read_bytes().split(b"\n") if line]
     parsed = [_parse(line) for line in lines]
     for number, record in enumerate(parsed):

@@ -203,6 +203,7 @@ class LiveSearch:
         """The thread: generations until done, a stop, or an error."""
         phase, error = Phase.STOPPED, None
         try:
+            # The scorer reports between two evaluations, where a pause or a stop takes effect.
             with self.search.scored_by(interruptible(self.search.scorer, _LiveMonitor(self))):
                 self._go()
         except _HaltError:
@@ -215,6 +216,7 @@ class LiveSearch:
         self._settle(Phase.FINISHED if self.search.done else phase, error)
 
     def _go(self) -> None:
+        # A pause may come before the first generation.
         self._hold()
         for _ in self.search:
             with self._changed:
@@ -227,9 +229,11 @@ class LiveSearch:
     def _report(self, done: int, total: int) -> None:
         with self._changed:
             before, generation = self._within, self.search.generation
+            # The first report of a generation tells what the store held.
             cached = before.cached if before.after == generation else done
             self._within = _Within(cached, done, max(total, 1), generation)
             self._changed.notify_all()
+            # Not after the last evaluation: its generation is over, and is recorded first.
             if done < total and self._wanted is _Wanted.PAUSE:
                 raise HoldError
             if done < total and self._wanted is _Wanted.STOP:
@@ -250,6 +254,7 @@ class LiveSearch:
     def _settle(self, phase: Phase, error: str | None = None) -> None:
         with self._changed:
             self._within, self._error, self._wanted = _NOTHING, error, _Wanted.PAUSE
+            # This thread still runs for a moment: dropped, so that a command meanwhile starts another.
             self._thread = None
             self._enter(phase)
 

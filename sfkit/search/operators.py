@@ -121,6 +121,7 @@ def crossover(
     first: Chromosome, second: Chromosome, space: SubsetSpace, rng: np.random.Generator
 ) -> tuple[Chromosome, Chromosome]:
     """Exchange the tails of two parents at cuts in [1, k - 1] (eq. 7), then repair both offspring."""
+    # At least one gene of either parent goes into each offspring.
     cut_first = int(rng.integers(1, len(first)))
     cut_second = int(rng.integers(1, len(second)))
     one, other = exchange_tails(first, second, cut_first, cut_second)

@@ -35,6 +35,7 @@ JudgeCallback = Callable[["SearchResult"], Mapping[str, Any]]
 
 def _with_own(known: Sequence[Known], stage1: SubsetSearch) -> tuple[Known, ...]:
     """What was known before, and what Stage 1 measured, each recipe once."""
+    # A repeated one is the same network again, and a failed one has no score to learn from.
     own = [Known(c.recipe, c.score) for c in stage1.candidates if not (c.repeated or c.failed)]
     return tuple({entry.recipe: entry for entry in (*known, *own)}.values())
 
@@ -157,6 +158,7 @@ def _search(
     if plan.resamples:
         averaged = averaged_winner(searches, scorer, plan.resamples, seed=plan.seed, journal=journal)
         write_text(folder / WINNERS, averaged.table.to_csv(index=False))
+        # Beside the average, which is taken in its place.
         write_text(folder / BEST, pool.bound(best.recipe).to_json())
         if not averaged.finite:
             why = averaged.outcome.error or f"found {averaged.score}"
@@ -208,11 +210,13 @@ def cost(
     pool: Pool, evaluators: Sequence[Evaluator], plan: SearchPlan, subset: Iterable[str] = ()
 ) -> Estimate:
     """What the plan will cost at most: one timed evaluation on each validation benchmark."""
+    # All sources where Stage 1 has yet to choose: no merge of fewer takes longer.
     recipe = pool.equal(*(plan.subset or tuple(subset) or pool.names))
     most = plan.evaluations(pool.names, pool.blocks)
     parts = [estimate(evaluator, recipe, most) for evaluator in evaluators]
     return Estimate(
         most,
+        # A candidate is scored on each benchmark in turn.
         sum(part.seconds_each for part in parts),
         max(part.memory_bytes for part in parts),
         sum(part.images for part in parts),

@@ -54,6 +54,7 @@ class SearchPlan:
     resamples: int = 0
 
     def __post_init__(self) -> None:
+        # What the check made of it, set around the frozen record.
         object.__setattr__(self, "resamples", check_resamples(self.resamples, self.stage2))
         check_parts(self.subset, self.stage2, self.start)
 

@@ -116,6 +116,7 @@ def next_size(search: Search[Any]) -> int:
     """How many candidates the next generation has at most."""
     left = most_candidates(search) - len(search.candidates)
     if isinstance(search, RoutingSearch):
+        # Generation 0 is x = 0, and the start where one is given.
         size = 1 + (search.start is not None) if search.generation < 0 else search.population
     else:
         size = left
@@ -168,5 +169,6 @@ def _best(entry: Mapping[str, Any] | None) -> Best | None:
 
 
 def _known(counts: Mapping[str, Any]) -> dict[str, Any]:
+    # A journal of another version may count other things.
     names = [field.name for field in fields(Counts)]
     return {name: counts[name] for name in names if name in counts}

@@ -215,6 +215,7 @@ class RoutingSearch(Search[RoutingCandidate]):
     ) -> tuple[RoutingCandidate, ...]:
         past = self._state.candidates
         found = score_once(past, recipes, self._scorer)
+        # Candidate 0 is x = 0 in every search.
         zero = past[0].outcome if past else found[0].outcome
         turn = self._turn(generation)
         return tuple(
@@ -229,6 +230,7 @@ class RoutingSearch(Search[RoutingCandidate]):
                 penalty=self._penalty(x, recipe, zero),
                 sigma=distribution.sigma,
                 axes=distribution.axes,
+                # With several folds x = 0, a start and the average belong to none.
                 fold=turn if self.folds == 1 or (self.folds and origin == "sample") else None,
                 # Folds hold out different pairs, of different difficulty: less what x = 0 has there, they
                 # compare.

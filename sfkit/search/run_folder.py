@@ -51,6 +51,7 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
     Raises:
         InputError: another search runs there now, or left results there; nothing is changed then.
     """
+    # Before the folder is made, so that a refusal leaves none behind.
     if not force:
         _refuse_other(path, identity)
     path.mkdir(parents=True, exist_ok=True)
@@ -106,6 +107,7 @@ def _refuse_other(path: Path, identity: Mapping[str, Any]) -> None:
         raise InputError(
             f"{record}: cannot be read ({error}), expected which search this is: {_REMEDY}"
         ) from error
+    # Leaf by leaf, so that the refusal names a setting and not the record it lies in.
     there, here = (dict(_flat(_nameless(one))) for one in (held, identity))
     unlike = [key for key in dict.fromkeys((*here, *there)) if here.get(key, "") != there.get(key, "")]
     if unlike:

@@ -85,6 +85,7 @@ def find_runs(root: str | Path) -> tuple[Run, ...]:
         except InputError as error:
             # One damaged folder must not hide the others.
             warnings.warn(str(error), SfkitWarning, stacklevel=2)
+    # A search that was killed before its first generation has nothing to show.
     begun = [run for run in runs if run.stages]
     return tuple(sorted(begun, key=lambda run: run.stages[-1].written, reverse=True))
 
@@ -164,6 +165,7 @@ def run_differences(first: Run, second: Run) -> tuple[list[str], list[tuple[Any,
     rows: list[tuple[Any, ...]] = []
     for key in dict.fromkeys((*left, *right)):
         one, other = left.get(key, "none"), right.get(key, "none")
+        # What two runs are compared for is shown although it agrees.
         if one != other or key[1] in ("state", "best", "subset", "evaluations"):
             rows.append((*key, one, other, one != other))
     return ["stage", "what", str(first.folder), str(second.folder), "differs"], rows

@@ -39,6 +39,7 @@ def score_once(past: Iterable[Candidate], recipes: Sequence[Recipe], scorer: Sco
     # One question for all that is new, so that an engine can share it out among its workers.
     new = tuple(dict.fromkeys(recipe for recipe in recipes if recipe not in known))
     fresh = dict(zip(new, _ask(scorer, new), strict=True))
+    # Of equal recipes in one question the first is the one that was scored.
     first = set(fresh)
     found = []
     for recipe in recipes:

@@ -201,6 +201,7 @@ def learned(
     """
     finite = np.isfinite(scores)
     values = np.where(finite, scores, np.max(scores[finite]))
+    # The best ones, in the order they came: sums then have one order.
     kept = np.sort(np.argsort(values, kind="stable")[:LARGEST])
     chosen = tuple(group[kept] for group in points)
     bend = _bend(values, knee)

@@ -73,6 +73,7 @@ class AutoEngine:
     def _rule(self) -> tuple[int | None, str]:
         """From how many recipes in a call workers are started (None for never), and why."""
         device, asked = self._compute.device, self._compute.workers
+        # A GPU with a number is one device, "cuda" is all of them.
         gpus = torch.cuda.device_count() if device == "cuda" else 1
         workers = asked or (gpus if device == "cuda" else 1)
         if workers == 1:

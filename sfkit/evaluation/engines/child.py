@@ -77,6 +77,7 @@ def _work(channel: Connection) -> bool:
 def _follow(parent: int) -> None:
     while os.getppid() == parent:
         readable, _, _ = select.select([STDIN], [], [], LOOK_SECONDS)
+        # The end of the pipe that the parent holds open: it is gone.
         if readable and not os.read(STDIN, 1):
             break
     # sys.exit would end this thread alone.

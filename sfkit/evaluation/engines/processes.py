@@ -174,6 +174,7 @@ def process_engine(
 def seats_on(device: str, workers: int | None) -> tuple[str, ...]:
     """The device of each worker: GPUs in turn for ``"cuda"``, else the one that is named."""
     if device == "cuda":
+        # One at least: that it is not there shows when a network is made.
         gpus = [f"cuda:{n}" for n in range(torch.cuda.device_count())] or ["cuda:0"]
         return tuple(gpus[n % len(gpus)] for n in range(workers or len(gpus)))
     return (device,) * (workers or (cores() if device == "cpu" else 1))
@@ -181,4 +182,5 @@ def seats_on(device: str, workers: int | None) -> tuple[str, ...]:
 
 def cores() -> int:
     """CPU cores that this process may use."""
+    # A container or a job may have fewer than the machine.
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -39,6 +39,7 @@ class RayWorker:
 
     def open(self, order: WorkerSetup) -> None:
         """Become a worker; see :meth:`~sfkit.evaluation.engines.plan.WorkerPlan.open`."""
+        # What lies in the object store cannot be written to, and torch warns of it.
         warnings.filterwarnings("ignore", message="The given NumPy array is not writable")
         # The module of an architecture is imported by its name, from where the user has it.
         sys.path.extend(entry for entry in order.path if entry not in sys.path)
@@ -80,6 +81,7 @@ class RayCrew(Crew[RaySeat]):
         if self._owns_ray:
             connect(ray)
         self._gpus = 1 if order.device == "cuda" else 0
+        # Once for all actors: a machine has one copy, however many workers.
         self._order = ray.put(order)
         self._seats = [RaySeat() for _ in range(workers or self._places())]
         for seat in self._seats:

@@ -31,6 +31,7 @@ class Surroundings:
     @classmethod
     def here(cls, threads: int, folder: Path) -> Surroundings:
         """Those that a process started now would get."""
+        # The whole environment: libraries read variables of theirs when they are imported.
         return cls(threads, folder, tuple(sys.path), frozenset(os.environ.items()))
 
 
@@ -44,6 +45,7 @@ def worker(threads: int, folder: Path) -> tuple[Surroundings, Spawned]:
     with _lock:
         # A fork of this process owns none.
         serving = [e for e in _waiting if e[0] == wanted and e[1].owner == os.getpid() and e[1].running]
+        # What cannot serve would hold memory for nobody.
         _end([entry for entry in _waiting if entry not in serving])
         return _waiting.pop() if _waiting else (wanted, Spawned(threads, folder))
 

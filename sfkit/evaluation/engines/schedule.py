@@ -85,6 +85,7 @@ class Board:
         if whole is not None:
             self._complete += 1
             self._results[part.number] = {}
+            # Parts of it that are under way no longer matter.
             self._end[part.number] = 0
             yield part.number, whole
 

@@ -37,6 +37,7 @@ class TensorBytes:
 
     def tensor(self) -> torch.Tensor:
         """The tensor in the same memory; nothing may write to it."""
+        # There are no bytes to view.
         if not self.data.size:
             return torch.empty(self.shape, dtype=self.dtype)
         # Object stores hand out read-only memory, and torch warns of it.
