@@ -83,6 +83,7 @@ class Calling:
         def forward(self: nn.Module, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
             return calling.call(functools.partial(kind.forward, self), left, right)
 
+        # By class: a function on the instance would follow it into copies, still bound to the first.
         network.__class__ = type(kind.__name__, (kind,), {"forward": forward, "__module__": kind.__module__})
         return network
 

@@ -88,6 +88,7 @@ def run_text(code: Code) -> None:
 
 
 def _execute(path: Path, text: str) -> tuple[Code, types.ModuleType]:
+    # By place as well: what it imports from beside it may differ.
     key = digest_of(f"{path}\n{text}")
     if key in _RUN:
         return _RUN[key]
@@ -105,6 +106,7 @@ def _execute(path: Path, text: str) -> tuple[Code, types.ModuleType]:
     except FAILURES as error:
         del sys.modules[name]
         raise InputError(f"{path}: running it failed ({type(error).__name__}: {error})") from error
+    # What lies beside it and was imported decides the network, too.
     parts = [text, *(p.read_text(encoding="utf-8", errors="replace") for p in sorted(imported))]
     code = Code(path, text, digest_of("\0".join(parts))[:16])
     _RUN[key] = code, module
@@ -196,6 +198,7 @@ def ensure_trusted(path: Path, text: str) -> None:
     if "all" in trusted or digest in trusted or digest in _remembered():
         return
     if _ask is not None and _ask(path):
+        # By content, so that a changed file is asked about again.
         file = _memory()
         file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("a", encoding="utf-8") as stream:
@@ -237,6 +240,7 @@ def ensure_module_trusted(name: str) -> None:
     Raises:
         InputError: there is no such module, or it is not trusted.
     """
+    # It has run by now: a refusal would come too late.
     if name in sys.modules:
         return
     try:

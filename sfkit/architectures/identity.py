@@ -91,6 +91,7 @@ class _Walk:
     def __init__(self, architecture: str, own: str) -> None:
         self.architecture = architecture
         self.own = own
+        # Bytecode is another in every version of Python.
         self.digest = hashlib.sha256(f"python {sys.version_info[0]}.{sys.version_info[1]}".encode())
         self.seen: dict[int, int] = {}
         self.held: list[object] = []  # so that no id is used twice
@@ -226,6 +227,7 @@ class _Walk:
     def content(self, values: Any, path: str) -> None:
         if isinstance(values, set | frozenset):
             try:
+                # A set has no order of its own.
                 values = sorted(values, key=lambda value: (type(value).__name__, repr(value)))
             except TypeError as error:
                 raise self.unknown(values, path) from error
@@ -268,6 +270,7 @@ class _Walk:
             for name, tensor in value.state_dict().items():
                 self.say(name)
                 self.take(tensor, f"{path}.{name}")
+            # Strides and paddings stand in no tensor.
             for name, child in value.named_modules():
                 self.say(name, child.extra_repr())
                 self.take(type(child), type(child).__qualname__)

@@ -116,6 +116,7 @@ class InputConvention:
     def _input(self, image: NDArray[np.uint8], window: Window, padded: tuple[int, int]) -> torch.Tensor:
         # Images that Ray holds may not be written to, which torch wants of all it shares memory with.
         own = np.require(image, requirements=("C", "W"))
+        # In place: every step would make another array of the image's size.
         x = torch.from_numpy(own).permute(2, 0, 1).float().mul_(self.scale)
         x = x.sub_(torch.tensor(self.mean)[:, None, None]).div_(torch.tensor(self.std)[:, None, None])
         return window.pad(x[None], padded).contiguous()

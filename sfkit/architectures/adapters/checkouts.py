@@ -50,6 +50,7 @@ def without_downloads() -> Iterator[None]:
 
         def create_model(*names: Any, **options: Any) -> nn.Module:
             network: nn.Module = create(*names, **{**options, "pretrained": False})
+            # Newer timm activates within its norm; code from before calls act1.
             if hasattr(network, "bn1") and not hasattr(network, "act1"):
                 network.act1 = nn.Identity()
             return network
@@ -85,6 +86,7 @@ def packages(root: Path, *names: str) -> Iterator[None]:
     try:
         yield
     finally:
+        # What was imported meanwhile goes on working; the hollow packages are forgotten.
         for name, module in before.items():
             sys.modules.pop(name, None)
             if module is not None:

@@ -130,6 +130,7 @@ def openstereo(*, root: str = "", cfg: str = "") -> nn.Module:
     """A model of OpenStereo (Guo et al., 2023) by a configuration of the user's checkout."""
     options = {"root": root, "cfg": cfg}
     name = _name(options)
+    # One class, whichever way the checkout is named.
     folder = str(home(root).resolve())
     with without_downloads():
         return cast(nn.Module, _model_class(folder, name)(Arguments(_configuration(options)["MODEL"])))

@@ -187,6 +187,7 @@ def aanet(
         "num_reg_refine": options["num_reg_refine"],
         "task": "stereo",
     },
+    # A list of disparities, the finest last.
     output=("key:flow_preds", "last"),
     checkout=_checkout,
     places=("root",),

@@ -20,6 +20,7 @@ _ONES = (1, 1, 1)
 
 def direct(maps: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
     """(B, I, D, h, w) with weight (O, I, 3, 3, 3) -> (B, O, D, h, w), padded by zeros."""
+    # In other types and places PyTorch chooses by itself.
     if maps.device.type != "cpu" or maps.dtype != torch.float32 or not _onednn_is_here():
         return F.conv3d(F.relu(maps), weight, bias, padding=1)
     # The layout changes before the ReLU, whose gradient is slow where the layouts of two tensors differ.
@@ -30,7 +31,9 @@ def direct(maps: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None) 
 def banded(maps: torch.Tensor, weight: torch.Tensor, bias: torch.Tensor | None) -> torch.Tensor:
     """The same as ``direct``; the multiplied zeros cost a factor of about D / 3."""
     planes = maps.shape[2]
+    # At every call: merges change the weights in place.
     band = _band(weight, planes).contiguous(memory_format=torch.channels_last)
+    # Planes have become channels, of which each has a bias.
     if bias is not None:
         bias = bias.repeat_interleave(planes)
     active = F.relu(maps.flatten(1, 2).contiguous(memory_format=torch.channels_last))

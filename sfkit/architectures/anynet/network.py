@@ -120,6 +120,7 @@ class AnyNet(nn.Module):
             cost, first = self._cost(stage, a, b, previous)
             costs.append(cost)
             low.append(soft_argmin(cost, first))
+            # Found in pixels of the small map, which are so many of the image's.
             step = _resize(low[-1] * (size[0] / a.shape[-2]), size)
             disparities.append(step if previous is None else previous + step)
         if self.refine_spn is not None:
@@ -130,6 +131,7 @@ class AnyNet(nn.Module):
     def initialise(module: nn.Module) -> None:
         """Draw a convolution's weights from torch's random state, as the published training does."""
         if isinstance(module, nn.Conv2d | nn.Conv3d):
+            # He et al. 2015, by the fan out.
             nn.init.normal_(
                 module.weight, std=math.sqrt(2 / (math.prod(module.kernel_size) * module.out_channels))
             )
@@ -158,6 +160,7 @@ class AnyNet(nn.Module):
     def _features(self, left: torch.Tensor, right: torch.Tensor) -> tuple[FeaturePyramid, FeaturePyramid]:
         if self.training:  # batch statistics are those of one side, as in the published training
             return self.feature_extraction(left), self.feature_extraction(right)
+        # Both at once: by running statistics no image depends on another.
         both = self.feature_extraction(torch.cat([left, right]))
         n = left.shape[0]
         return FeaturePyramid(*[m[:n] for m in both]), FeaturePyramid(*[m[n:] for m in both])
@@ -183,6 +186,7 @@ def _resize(maps: torch.Tensor, size: tuple[int, int]) -> torch.Tensor:
 
 def _checked_ranges(ranges: Sequence[int]) -> tuple[int, int, int]:
     values = tuple(ranges) if isinstance(ranges, list | tuple) else ()
+    # By type: True is an int to Python.
     if len(values) != 3 or not all(type(v) is int and v >= 2 for v in values):
         raise InputError(
             f"ranges of architecture 'anynet' are {ranges!r}, expected three whole numbers of at least 2: "

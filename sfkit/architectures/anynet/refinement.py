@@ -52,6 +52,7 @@ def propagate(state: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
     """
     gates = gates * _open(gates)
     fresh = (1 - gates.sum(dim=1)) * state
+    # Exporters cannot look into an autograd function that writes in place.
     run = _plain_scan if is_portable() else _Scan.apply
     columns = run(fresh.movedim(-1, 0), gates.movedim(-1, 0).movedim(2, 1))
     return cast(torch.Tensor, columns).movedim(0, -1)
@@ -71,6 +72,7 @@ class _Scan(torch.autograd.Function):
         padded = F.pad(fresh, (1, 1))
         above, here, below = (v.unbind() for v in _shifts(padded))
         first, second, third = gates.unbind(1)
+        # Column after column, since each needs the one before.
         for t in range(1, len(fresh)):
             here[t].addcmul_(first[t], above[t - 1])
             here[t].addcmul_(second[t], here[t - 1])
@@ -85,11 +87,13 @@ class _Scan(torch.autograd.Function):
         total = F.pad(grad, (1, 1))
         above, here, below = (v.unbind() for v in _shifts(total))
         first, second, third = gates.unbind(1)
+        # The other way: what a column gave to the next comes back from it.
         for t in range(len(total) - 1, 0, -1):
             above[t - 1].addcmul_(first[t], here[t])
             here[t - 1].addcmul_(second[t], here[t])
             below[t - 1].addcmul_(third[t], here[t])
         fresh = total[..., 1:-1]
+        # The first column has no neighbour before it, and its gates no gradient.
         grad_gates = torch.zeros_like(gates)
         for i, neighbour in enumerate(_shifts(padded)):
             torch.mul(fresh[1:], neighbour[:-1], out=grad_gates[1:, i])

@@ -44,6 +44,7 @@ class WideAnyNet(AnyNet):
         super().__init__(ranges=ranges, align_corners=align_corners, spn=False)
         self.feature_extraction: nn.Module = WideFeatures()
         self.upsampling = ConvexUpsampling()
+        # AnyNet drew for the parts that these replace.
         self.feature_extraction.apply(self.initialise)
         self.upsampling.apply(self.initialise)
 
@@ -93,6 +94,7 @@ class ConvexUpsampling(nn.Module):
         batch, height, width = disparity.shape
         small = (height // SCALE, width // SCALE)
         low = F.interpolate(disparity[:, None], size=small, mode="bilinear", align_corners=False)
+        # Two by two places of the stem become channels, so that both are at a quarter of the size.
         guide = torch.cat([F.pixel_unshuffle(stem, 2), low / PIXELS], dim=1)
         weights = self.weights(F.relu(self.hidden(guide))).view(batch, 9, SCALE * SCALE, *small)
         # Edges are repeated: zeros would pull disparities at the border down.

@@ -138,6 +138,7 @@ def classifier() -> nn.Sequential:
 
 def soft_argmin(scores: Tensor) -> Tensor:
     """The expected disparity under softmax(scores): (B, 1, D, h, w) -> (B, 1, h, w), 0..D-1, float32."""
+    # In float32: from 64 on half has steps of 1/16.
     with torch.autocast(scores.device.type, enabled=False):
         likelihood = scores.float().softmax(dim=2)
         disparity = torch.arange(scores.shape[2], dtype=torch.float32, device=scores.device)

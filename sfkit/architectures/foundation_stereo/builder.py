@@ -58,6 +58,7 @@ def check_shapes(shapes: Mapping[str, tuple[int, ...]], options: Mapping[str, An
     """
     found = shapes.get(_CLASS_TOKEN)
     chosen = options["vit_size"]
+    # The class token is as wide as the ViT.
     sizes = [name for name, size in SIZES.items() if found is not None and found[-1] == size.width]
     if sizes and sizes != [chosen]:
         raise InputError(

@@ -42,6 +42,7 @@ def correlation_by_disparity(left: Tensor, right: Tensor, disparities: int) -> T
     mirrored = F.pad(right.flip(-1), (0, disparities - 1))
     pairs = cosine_rows(left, mirrored)
     batch, height, _, columns = pairs.shape
+    # Read in rows one entry shorter, each row begins where its own pixel matches.
     skewed = pairs.flatten(2)[..., width - 1 : -1].view(batch, height, width, columns - 1)
     return skewed[..., :disparities].permute(0, 3, 1, 2)
 

@@ -47,6 +47,7 @@ def sample_around(signal: Tensor, position: Tensor, level: int) -> Tensor:
     # Read inside and blanked below: a gather from outside is an error.
     index = index.clamp(0, signal.shape[2] - 1).expand(-1, signal.shape[1], -1, -1, -1)
     entries = torch.where(inside, signal.gather(2, index), 0.0)
+    # Coarser levels average neighbours where they are read: no pooled copy of the volume is kept.
     if level:
         entries = torch.unflatten(entries, 2, (count, span)).mean(dim=3)
     return torch.lerp(entries[:, :, :-1], entries[:, :, 1:], (scaled - floor)[:, :, None])
@@ -100,6 +101,7 @@ class GeometryLookup:
             yield slice(None), self._pairs
             return
         batch, _, height, width = self._left.shape
+        # As many rows as the table of a strip has room for.
         strip = max(1, STRIP_ENTRIES // (batch * width**2))
         for start in range(0, height, strip):
             rows = slice(start, start + strip)

@@ -76,6 +76,7 @@ def options_from_config(path: str | Path) -> dict[str, Any]:
     options = {option: config[key] for key, option in _FROM_CONFIG.items() if key in config}
     options.setdefault("vit_size", _SIZE_WITHOUT_KEY)
     for switch in ("mixed_precision", "low_memory"):
+        # Some configurations write switches as numbers.
         if options.get(switch) in (0, 1):
             options[switch] = bool(options[switch])
     try:

@@ -39,6 +39,7 @@ def convex_upsample(disparity: Tensor, logits: Tensor) -> Tensor:
     """
     height, width = disparity.shape[-2:]
     with torch.autocast(disparity.device.type, enabled=False):
+        # Four pixels of the image to one of the map: disparities grow alike.
         taps = F.unfold(FACTOR * disparity.float(), 3, padding=1)
         taps = taps.view(-1, NEIGHBOURS, height, 1, width, 1)
         weights = logits.float().softmax(dim=1)

@@ -107,6 +107,7 @@ class VisionTransformer(nn.Module):
         grid = self.pos_embed[:, 1:].view(1, GRID, GRID, -1).permute(0, 3, 1, 2)
         if (rows, cols) != (GRID, GRID):
             # A trace counts in tensors, whose float32 would round what counts here.
+            # A tenth of a patch more, as DINOv2 has it: rounding down must lose no row.
             factors = tuple((int(n) + 0.1) / GRID for n in (rows, cols))
             grid = F.interpolate(grid, scale_factor=factors, mode="bicubic")
         return torch.cat([self.pos_embed[:, :1], grid.flatten(2).transpose(1, 2)], dim=1)
@@ -120,6 +121,7 @@ class VisionTransformer(nn.Module):
         for index, layer in enumerate(self.blocks):
             x = layer(x)
             if index in self.taps:
+                # Without the class token, which has no place.
                 tokens = self.norm(x)[:, 1:]
                 maps.append(tokens.transpose(1, 2).unflatten(2, (rows, cols)))
         return maps

@@ -191,6 +191,7 @@ class MessageStack(nn.Module):
         outputs = []
         for i, layer in enumerate(self.layers):
             x = layer(x, code, strangers)
+            # Training has a loss on every layer, inference reads the last one.
             if self.training or i == len(self.layers) - 1:
                 outputs.append(self.norm(x[:, top : top + height, left : left + width]))
         return outputs

@@ -136,6 +136,7 @@ def cost_patches(cost: torch.Tensor, seeds: torch.Tensor) -> torch.Tensor:
     Offsets -4 .. 4 in bins; a bin beyond the range repeats the last one.
     """
     offsets = torch.arange(-REACH, REACH + 1, device=cost.device)
+    # At the volume's ends the outermost cost is repeated.
     index = (seeds[..., None] + offsets).clamp(0, cost.shape[-1] - 1)
     groups = cost.shape[-2]
     index = index[..., None, :].expand(*index.shape[:-1], groups, -1)

@@ -59,6 +59,7 @@ def pick_seeds(prob: torch.Tensor, count: int) -> torch.Tensor:
     with torch.no_grad():
         flat = prob.reshape(-1, 1, prob.shape[-1])
         peak = F.max_pool1d(flat, 3, stride=1, padding=1).reshape(prob.shape)
+        # What is no local maximum: else a peak's neighbours would take the places of other peaks.
         suppressed = (prob != peak) & (prob > SUPPRESSED)
         rest = prob.masked_fill(suppressed, SUPPRESSED)
         seeds: list[torch.Tensor] = []

@@ -75,6 +75,7 @@ def losses(
         raise InputError(
             f"ground truth is {tuple(truth.shape)}, expected {tuple(estimate.disp.shape)} like the disparity"
         )
+    # Unknown truth is 0 from here on: a NaN would survive the mask, in gradients as well.
     truth = torch.where(torch.isfinite(truth) & (truth > 0), truth, 0.0).to(estimate.disp.dtype)
     mask = (truth > 0) & (truth < max_disp)
     refined = (*estimate.aux_refined, estimate.disp_pred)
@@ -92,6 +93,7 @@ def target_histogram(truth: torch.Tensor, bins: int) -> torch.Tensor:
     A disparity is split linearly between the two nearest bins. Pixels beyond the bins, and those
     whose match lies left of the right image, do not count.
     """
+    # Further left there is no match inside the right image.
     inside = torch.arange(truth.shape[-1], device=truth.device) >= truth
     counted = (truth > 0) & (truth < bins * STRIDE) & inside
     place, mass = windows.cut(truth, STRIDE) / STRIDE, windows.cut(counted, STRIDE).to(truth.dtype)
