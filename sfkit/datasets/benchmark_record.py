@@ -142,6 +142,7 @@ class Benchmark:
             InputError: an unknown protocol or metric, or a protocol that does not fit the resolution.
         """
         protocol = protocol or self.protocol
+        # A default gives way to the new protocol's; a metric that somebody chose stays.
         if metric is None and self.metric == default_metric(self.protocol, self.family, self.own_metric):
             metric = default_metric(protocol, self.family, self.own_metric)
         return replace(self, protocol=protocol, metric=metric or self.metric)
@@ -161,6 +162,7 @@ class Benchmark:
                     f"{self.metric}, or the metric census, which needs none"
                 )
             masked = pair.mask if isinstance(pair, StereoPair) else True
+            # What is in memory has its mask with it, or none.
             if isinstance(pair, MemoryPair):
                 masked = pair.sample.nonoccluded is not None
             if self.rule.visible_only and not masked:

@@ -130,6 +130,7 @@ def _middlebury(text: str) -> Calibration:
             raise InputError(
                 f"focal length is {left.focal:g} in cam0 and {right.focal:g} in cam1, expected one of both"
             )
+        # Middlebury's doffs: how far the principal points lie apart in x.
         between = right.centre[0] - left.centre[0]
     if between is None or _row(text, "doffs") is not None:
         doffs = _number(text, "doffs")
@@ -154,12 +155,14 @@ def _kitti(text: str, cameras: tuple[int, int] | None) -> Calibration:
         if len(row) != 12 or any(math.isnan(value) for value in row):
             raise InputError(f"P{number} holds {len(row)} words, {_EXPECTED}")
         rows[number] = row
+    # Colour before grey, as KITTI's own benchmarks have it.
     one, other = cameras or next((pair for pair in ((2, 3), (0, 1)) if {*pair} <= {*rows}), (2, 3))
     for number in (one, other):
         if number not in rows:
             there = ", ".join(f"P{n}" for n in sorted(rows))
             raise InputError(f"found {there} and no P{number}, expected both cameras of the pair")
     left, right = (
+        # The left 3 x 3 of a 3 x 4 matrix.
         _Camera.of([*row[0:3], *row[4:7], *row[8:11]], f"P{n}")
         for n, row in ((one, rows[one]), (other, rows[other]))
     )
@@ -194,6 +197,7 @@ class _Camera:
     def of(cls, matrix: Sequence[float], name: str) -> _Camera:
         if len(matrix) != 9:
             raise InputError(f"{name} holds {len(matrix)} numbers, expected the nine of a 3x3 matrix")
+        # A rectified camera has neither skew nor perspective in its matrix.
         if [matrix[n] for n in (1, 3, 6, 7, 8)] != [0, 0, 0, 0, 1]:
             raise InputError(f"{name} is {[*matrix]}, expected [f 0 cx; 0 f cy; 0 0 1]")
         return cls(matrix[0], matrix[4], (matrix[2], matrix[5]))

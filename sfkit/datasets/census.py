@@ -160,6 +160,7 @@ class CensusTarget:
             percent = torch.where(seen, percent, torch.full_like(percent, torch.nan))
             margin, step = level.scale.margin, level.scale.step
             whole = F.pad(percent, (margin,) * 4, value=torch.nan)
+            # A pixel that was kept stands for a square of its step.
             whole = whole.repeat_interleave(step, 0).repeat_interleave(step, 1)
             parts.append(whole[: self.size[0], : self.size[1]])
         mean = torch.stack(parts).mean(dim=0)
@@ -187,6 +188,7 @@ class CensusTarget:
         first, second = (_smoothed(_grey(image, self.device), scale) for image in (left, right))
         # Texture is asked of the finest of the usual scales, whatever others stand before it.
         if scale == SCALES[0] or not hasattr(self, "_spread"):
+            # Brightest less darkest within 5 x 5 pixels.
             high = F.max_pool2d(first[None, None], 5, 1)
             low = -F.max_pool2d(-first[None, None], 5, 1)
             self._spread = (high - low)[0, 0]
@@ -199,6 +201,7 @@ class CensusTarget:
         step, margin = level.scale.step, level.scale.margin
         # Every step-th pixel of a coarser image: disparities there are that much smaller.
         warped, inside = _warped(level.right, disparity[::step, ::step] / step)
+        # A dozen bits: a byte counts them.
         count = torch.zeros_like(level.bits[0], dtype=torch.uint8)
         # One neighbour at a time: all at once take twelve times the memory.
         for ours, theirs in zip(level.bits, _bits(warped, level.scale), strict=True):

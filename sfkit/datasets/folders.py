@@ -107,6 +107,7 @@ def coding_for(path: Path, given: Iterable[str | None]) -> str:
     """
     suffix = path.suffix.lower()
     for coding in given:
+        # png8 and png16 are files of one kind.
         kind = Coding.parse(coding).kind.rstrip("0123456789") if coding else ""
         if coding and suffix in (SCALED if kind == "png" else (f".{kind}",)):
             return coding

@@ -86,6 +86,7 @@ def read_disparity(path: Path, coding: str) -> NDArray[np.float32]:
     parsed = Coding.parse(coding)
     raw = _READERS[parsed.kind](Path(path), parsed)
     disparity = np.asarray(raw, dtype=np.float32) / np.float32(parsed.scale)
+    # Zeros, negative and infinite values are how files say "unknown".
     disparity[~(np.isfinite(disparity) & (disparity > 0))] = np.nan
     return disparity
 

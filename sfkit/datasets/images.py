@@ -42,6 +42,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
         )
     if pixels.ndim == 2:
         return np.repeat(pixels[:, :, None], 3, axis=2).astype(np.uint8, copy=False)
+    # Red first, and without an alpha channel.
     return np.ascontiguousarray(pixels[:, :, 2::-1]).astype(np.uint8, copy=False)
 
 
@@ -99,6 +100,7 @@ def _jpeg_ends(data: bytes) -> bool:
         if kind == _END:
             return not missing.left
         if kind in _FRAMES:
+            # A frame names 255 colours at most, in three bytes each.
             missing.expect(data[at + 4 : at + 4 + 6 + 3 * 255], progressive=_progressive(kind))
         elif kind == _SCAN:
             missing.take(data[at + 4 : at + 4 + 16])
@@ -116,6 +118,7 @@ def _segments(data: bytes) -> Iterator[tuple[int, int]]:
         yield kind, at
         if kind == _END:
             return
+        # A segment says its own length.
         at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
         if kind == _SCAN:
             match = _MARKER.search(data, at)
@@ -165,6 +168,7 @@ def _damage(data: bytes) -> str | None:
     """
     bare = _bare(data)
     try:
+        # Grey and at an eighth of the size: every bit is read, and few pixels are made of them.
         simplejpeg.decode_jpeg(bare, "GRAY", True, True, min_factor=8)
     except ValueError as error:
         message = str(error)
@@ -188,6 +192,7 @@ def _bare(data: bytes) -> bytes:
             progressive = _progressive(kind)
         scans = scans or kind == _SCAN
         if kind == _SCAN and not progressive:
+            # As the standard has it for a plain scan: frequencies 0 to 63, no bit left out.
             bare += data[at : end - 3] + b"\x00\x3f\x00"
         elif kind not in _TEXTS:
             bare += data[at:end]
@@ -201,6 +206,7 @@ def _png_ends(data: bytes) -> bool:
     at = len(_PNG)
     while at + 12 <= len(data):
         length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        # A chunk's length, kind and checksum take twelve bytes beside its content.
         at += 12 + length
         if kind == b"IEND":
             return at <= len(data)

@@ -66,6 +66,7 @@ def find_pairs(manifest: Manifest, root: Path, resolution: str | None) -> PairLi
             found = _find(layout, root, place, resolution)
             if found.pairs:
                 return found
+            # Remembered for the refusal, should no layout have a complete pair.
             if found.missing and not fallback.missing:
                 fallback = found
     return fallback

@@ -90,6 +90,7 @@ def _numbered(paths: Sequence[Path]) -> dict[Numbers, Path]:
                 f"{len(numbers)} numbers, expected as many as {paths[0].name}, at least one, to match by: "
                 "rename them, or list the pairs in a CSV"
             )
+    # What is the same in all names, such as a camera's number, tells nothing.
     told = [n for n in range(length) if len({numbers[n] for numbers in found}) > 1] or [*range(length)]
     by_number: dict[Numbers, Path] = {}
     for path, numbers in zip(paths, found, strict=True):

@@ -49,7 +49,9 @@ def read_pfm(path: Path) -> NDArray[np.float32]:
             f"{path}: found {found} bytes of pixels, expected {due} for {width}x{height}; "
             "the file is damaged or cut off, fetch it again"
         )
+    # A negative scale says that the bytes are little-endian.
     pixels = np.frombuffer(data, dtype="<f4" if scale < 0 else ">f4", offset=match.end())
+    # The bottom row comes first in the file.
     return np.ascontiguousarray(pixels.reshape(height, width)[::-1], dtype=np.float32)
 
 

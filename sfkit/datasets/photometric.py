@@ -268,6 +268,7 @@ def _codes(
     columns: NDArray[np.intp] | NDArray[np.float64],
 ) -> NDArray[np.bool_]:
     """Census bits (24, pixels) around places whose column may lie between two pixels."""
+    # One column short, so that there is a next one to interpolate with.
     whole = np.clip(np.floor(columns), RADIUS, image.shape[1] - RADIUS - 2).astype(np.intp)
     part = (columns - whole).astype(np.float32)
 

@@ -89,6 +89,7 @@ def _sintel(path: Path) -> NDArray[Any]:
 
 def _fsd(path: Path) -> NDArray[Any]:
     blue, green, red = np.moveaxis(_channels(path, 3).astype(np.float64), -1, 0)
+    # In thousandths of a pixel, written to the base of 255.
     return np.asarray((65025 * red + 255 * green + blue) / 1000)
 
 
@@ -128,10 +129,12 @@ def _depth_npy(path: Path) -> NDArray[Any]:
 
 
 def _depth_half(path: Path) -> NDArray[Any]:
+    # Half floats, stored as if they were grey values.
     return _depth16(path).view(np.float16)
 
 
 def _depth_float(path: Path) -> NDArray[Any]:
+    # A float's four bytes are the four channels.
     return np.ascontiguousarray(_channels(path, 4)).view("<f4")[..., 0]
 
 

@@ -84,6 +84,7 @@ class StereoVideo:
     def length(self) -> int | None:
         """Frames that the files announce, the fewer of two; None where they do not say."""
         counts = [_property(path, cv2.CAP_PROP_FRAME_COUNT) for path in (self.left, self.right) if path]
+        # OpenCV answers 0 or less where it cannot tell.
         return int(min(counts)) if min(counts) >= 1 else None
 
     @property

@@ -43,6 +43,7 @@ def photograph(
     """One view's picture (H, W, 3), uint8 RGB, from its radiance (H, W, 3) and disparity (H, W)."""
     seen = radiance
     if weather.density > 0.0:
+        # Nothing is farther than 0.1 px here, by which a division by 0 is avoided.
         passed = np.exp(-weather.density * 10.0 / np.maximum(disparity, 0.1))[..., None]
         seen = seen * passed + np.asarray(weather.light) * (1.0 - passed)
     if response.blur > 0.0:

@@ -167,6 +167,7 @@ class Composer:
         waves = tuple(
             (float(self.rng.uniform(0.0, 0.16)), float(self.rng.uniform(0.0, 6.28))) for _ in range(3)
         )
+        # Of an ellipse's area, were its outline round.
         radius = float(np.sqrt(half[0] * half[1]))
         bound = radius * (1.0 + sum(a for a, _ in waves))
         return shapes.blob(radius, waves), (bound, bound)
