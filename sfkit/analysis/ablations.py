@@ -138,6 +138,7 @@ def _guided(
         row: experiment.answer(experiment.scorer(guide, metric), routing=routing)
         for row, (guide, metric) in guides.items()
     }
+    # Overlaps in all rows are with this subset.
     first = next(iter(answers.values())).subset
     rows = [
         _table(experiment, {row: answer}, guide=guides[row][0], first=first)

@@ -197,6 +197,7 @@ def _groups(bad: Pixels, shape: tuple[int, ...]) -> list[Pixels]:
     # Each pixel grows by half the gap, so that two that far apart touch.
     joined = cv2.dilate(mask, np.ones((GAP, GAP), np.uint8))
     labels = cv2.connectedComponents(joined, connectivity=8)[1][bad]
+    # By label, so that each group is one run of the order.
     order = np.argsort(labels, kind="stable")
     cuts = np.flatnonzero(np.diff(labels[order])) + 1
     return [(bad[0][part], bad[1][part]) for part in np.split(order, cuts) if part.size >= SMALLEST]

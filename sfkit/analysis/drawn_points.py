@@ -23,6 +23,7 @@ def drawn_points(count: int, keep: Iterable[int] = (), limit: int = LIMIT) -> ND
     if count <= limit:
         return np.arange(count, dtype=np.int64)
     wanted = np.unique(np.fromiter(keep, dtype=np.int64))
+    # Too many to keep: then none is, rather than the first ones.
     wanted = wanted if len(wanted) <= min(limit // 2, limit - 2) else wanted[:0]
     even = np.linspace(0, count - 1, limit - len(wanted)).round().astype(np.int64)
     return np.union1d(even, wanted)

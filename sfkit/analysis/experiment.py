@@ -182,6 +182,7 @@ class Experiment:
         """An evaluator on this store, made once for its arguments; on validation unless given."""
         chosen = self.validation if benchmark is None else benchmark
         wanted = metric or chosen.metric
+        # Whatever tables will ask of the same passes is counted in them.
         asked = (chosen.metric, self.common, *also)
         counted = Quantities.of(wanted, *chosen.measurable(asked))
         # The device is part of ``compute``: on another one it is another evaluator.
@@ -222,6 +223,7 @@ class Experiment:
         counts: dict[str, Counts] = {}
         if subset is None:
             search = self.stage1(chosen)
+            # It is done by now: this names its best.
             first, counts["Stage 1"] = search.run(), search.counts
         else:
             first = self._given(subset, chosen)

@@ -103,6 +103,7 @@ class BlockOutputs:
         return listen
 
     def _channels_first(self, tensor: torch.Tensor) -> bool:
+        # Without the images' shape four dimensions are (B, C, h, w).
         if tensor.ndim != 4 or self._size is None:
             return tensor.ndim == 4
         # By logarithms: twice too wide is as far off as twice too high.

@@ -160,6 +160,7 @@ def shown_table(
     """
     heads = _HEADS | {label: head for one in columns for label, head in _labels(one)}
     chosen = [c for c in table.columns if str(c) in heads] if best is None else list(best)
+    # Of what is shown: numbers that are equal on the page are equally good.
     marks = ranks(table.round(digits), along=along, columns=chosen)
     return ShownTable(table, heads, marks, digits, caption, note)
 

@@ -82,12 +82,14 @@ def interpolated(start: Recipe, end: Recipe, position: float) -> Recipe:
         # Shaped (2, E) also where no source takes part.
         ends = np.array([[side.get(s, 0.0) for s in sources] for side in (first, last)]).reshape(2, -1)
         toward = np.array([1.0 - position, position])
+        # What lies on the line is weight times scale, which a task vector is multiplied by.
         coefficients = (toward * (first_scale, last_scale)) @ ends
         total = float(toward @ ends.sum(axis=1))
         effect = float(coefficients.sum())
         if effect == 0.0 or total == 0.0:  # nothing is added here: the base's parameters, whatever the mix
             row, scale = toward @ ends, float(toward @ (first_scale, last_scale))
         else:
+            # Parted again, so that rows have the sum that lies between the ends' rows.
             row, scale = coefficients * (total / effect), effect / total
         if min([scale, *row]) < 0.0:
             raise InputError(

@@ -134,6 +134,7 @@ def paired_estimate(pairs: Sequence[tuple[RunsOnImages, RunsOnImages]]) -> Paire
     parts: list[tuple[float, int]] = []
     for one, other in pairs:
         images = one.values.mean(axis=0) - other.values.mean(axis=0)
+        # A benchmark has its share of the mean, and the square of that of the variance.
         parts.append((share**2 * float(images.var(ddof=1)) / len(images), len(images) - 1))
     for side in zip(*pairs, strict=True):
         runs = len(side[0].scores)

@@ -86,6 +86,7 @@ def build(
         if not at.finished(each):
             given = base_plan if at.is_base(each) else source_plan
             _make(at, each, given or of.plan_of(each))
+    # A pool.toml that names networks to come would open nowhere.
     if all(at.finished(world.name) for world in of.worlds):
         _assemble(at)
     return out / "pool.toml"
@@ -125,6 +126,7 @@ def _trained(at: _Builder, name: str, plan: TrainingPlan) -> Record:
 def _finetuned(at: _Builder, name: str, settings: TrainingSettings) -> Record:
     """Train by :func:`sfkit.finetune`, and say what it took; its file carries the whole recipe."""
     file, scenes = at.file(name), at.out / "rendered"
+    # Killed behind its last step, a training goes on with being measured.
     if not file.exists():
         finetune(
             None if at.is_base(name) else at.file(at.of.networks[0]),
@@ -153,6 +155,7 @@ def _listening(at: _Builder, name: str, settings: TrainingSettings) -> Listener:
         if at.progress is not None and (
             course.done % settings.save_every == 0 or course.done == course.steps
         ):
+            # A single step's loss jumps.
             last = [row[1] for row in course.curve[-50:]]
             at.progress(f"{name}: loss {sum(last) / len(last):.3f}", course.done, course.steps)
 

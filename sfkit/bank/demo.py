@@ -123,10 +123,12 @@ def demo(
         EvaluationStore(path) as store,
         _scored_meanwhile(path, compute) as known,
     ):
+        # What an earlier run left is no pass of this one.
         held = {evaluation.key for evaluation in store}
         scorer = prepared.with_store(store)
         found = search_pool(pool, scorer, plan, folder, progress=_Steps(budget, progress))
         stage1 = cast(SubsetCandidate, found.stage1)  # the plan has both stages
+        # From the end: the other process began at the front.
         for number, (name, scored) in enumerate(reversed(known.items())):
             progress("Members", number, len(known), name)
             if scored.cancel():  # not begun: done here, beside the other process
@@ -193,9 +195,12 @@ def _scored_meanwhile(path: Path, compute: Compute) -> Iterator[dict[str, Future
     That process computes in one thread, and the caller's network leaves it a core.
     """
     threads = torch.get_num_threads()
+    # One core is left to the other process.
     torch.set_num_threads(max(1, min(threads, (os.cpu_count() or 1) - 1)))
+    # Spawned: a fork would inherit torch's threads as they stand.
     spawned = multiprocessing.get_context("spawn")
     workers = ProcessPoolExecutor(1, mp_context=spawned, initializer=torch.set_num_threads, initargs=(1,))
+    # For the process to come, which must import nothing from the working folder.
     former = {name: os.environ.get(name) for name in SAFE_PATH}
     os.environ.update(SAFE_PATH)
     try:

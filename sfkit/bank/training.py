@@ -64,10 +64,12 @@ def train(
         optimiser.load_state_dict(saved["optimiser"])
         step, seconds, cpu_seconds = saved["step"], saved["seconds"], saved["cpu_seconds"]
         losses = saved["losses"]
+    # Where all steps are done no pair is rendered again.
     pairs = training_pairs(domain, plan.scenes, pairs_of(state_file), progress) if step < plan.steps else []
     network.train()
     wall, cpu = time.perf_counter(), time.process_time()
     while step < plan.steps:
+        # By the step's number alone: after a stop it goes on with the rates it would have had.
         for group in optimiser.param_groups:
             group["lr"] = learning_rate(plan, step)
         losses.append(_step(network, inputs, optimiser, [pairs[i] for i in batch_of(plan, step)]))
@@ -133,12 +135,14 @@ def learning_rate(plan: TrainingPlan, step: int) -> float:
 def batch_of(plan: TrainingPlan, step: int) -> NDArray[np.intp]:
     """Which pairs step ``step`` sees: the next of its epoch's order, an incomplete batch left out."""
     epoch, within = divmod(step, plan.scenes // plan.batch)
+    # By seed and epoch: the same order after a stop.
     order = default_rng([plan.seed, epoch]).permutation(plan.scenes)
     return order[within * plan.batch : (within + 1) * plan.batch]
 
 
 def stage_loss(stages: list[torch.Tensor], truth: torch.Tensor) -> torch.Tensor:
     """Smooth L1 of every stage's disparity (B, H, W), weighted; pixels whose truth is NaN do not count."""
+    # By index, since NaN times a mask of 0 is NaN.
     valid = torch.isfinite(truth)
     target = truth[valid]
     losses = [w * F.smooth_l1_loss(s[valid], target) for w, s in zip(STAGE_WEIGHTS, stages, strict=True)]

@@ -13,6 +13,7 @@ def beyond(scores: Iterable[float]) -> float:
     finite = [score for score in scores if math.isfinite(score)]
     if not finite:
         return 1.0
+    # Scores that are all equal have no span, and zeros no size.
     span = max(finite) - min(finite) or abs(max(finite)) or 1.0
     return max(finite) + 0.06 * span
 

@@ -125,6 +125,7 @@ def benchmark_comparison_figure(
         cols=across,
         shared_yaxes=True,
         horizontal_spacing=0.03,
+        # 60 px hold a panel's title, and the ticks of the one above.
         vertical_spacing=min(0.28, 60 / (each * down)) if down > 1 else 0.0,
         subplot_titles=[title for title, _ in panels],
     )

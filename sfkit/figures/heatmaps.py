@@ -48,6 +48,7 @@ def matrix(
         bar: where the colour bar goes; None leaves it to plotly.
     """
     finite = np.abs(values[np.isfinite(values)])
+    # Where all are 0 any end will do.
     end = float(finite.max()) if finite.size and finite.max() > 0 else 1.0
     # Symmetric, so that 0 has the middle colour.
     low, high = limits or (-end, end)

@@ -136,6 +136,7 @@ def _line(
 def _measured(figure: go.Figure, told: Predictions, drawn: list[int]) -> None:
     scored = [n for n in drawn if told.measured[n]]
     failed = [n for n in drawn if not told.measured[n]]
+    # Past the predictions, which share the axis.
     edge = beyond([*(float(told.score[n]) for n in scored), *told.mean.tolist()])
     for group, values, name, marker in (
         (scored, [float(told.score[n]) for n in scored], "measured", {"size": 6, "color": WARM}),

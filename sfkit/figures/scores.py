@@ -42,6 +42,7 @@ def scores_figure(
         # All gaps together take at most 30 % of the width.
         horizontal_spacing=min(0.03, 0.3 / len(benchmarks)),
         vertical_spacing=0.3 / rows if rows > 1 else 0.0,
+        # Lower rows go without a title: their axes name the metric.
         subplot_titles=[_panel_title(grid, name) for name in benchmarks] + [""] * len(benchmarks),
     )
     for number, column in enumerate(grid.columns):
