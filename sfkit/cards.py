@@ -31,6 +31,7 @@ def card(
         rows: its rows, as long as ``columns``.
     """
     parts = [f"<strong>{escape(title)}</strong>"]
+    # Zero is worth showing, what is empty is not.
     known = {name: str(value) for name, value in facts.items() if value is not None and str(value)}
     parts += [f"<div>{escape(name)}: {escape(value)}</div>" for name, value in known.items()]
     if rows:

@@ -118,6 +118,7 @@ def text_on(colour: tuple[int, int, int]) -> str:
 
 def error_position(error: NDArray[np.floating], threshold: float) -> NDArray[np.float64]:
     """Errors in pixels on the log2 scale of :data:`ERROR`: 0 at the threshold, clipped to its ends."""
+    # An error of 0 has no logarithm: it stands at the low end.
     ratio = np.maximum(np.asarray(error, dtype=np.float64) / threshold, 2.0**-ERROR_SPAN)
     return np.asarray(np.clip(np.log2(ratio), -ERROR_SPAN, ERROR_SPAN))
 
@@ -179,6 +180,7 @@ def _table(stops: Stops) -> NDArray[np.uint8]:
     return np.ascontiguousarray(lookup(stops)[:, None])
 
 
+# Kept: a widget paints one size again and again.
 _hatch = lru_cache(maxsize=8)(lambda height, width: hatch(height, width))
 
 
@@ -217,6 +219,7 @@ def shrunk(image: NDArray[np.uint8], longest: int) -> NDArray[np.uint8]:
 def embedded(image: NDArray[np.uint8], *, photograph: bool = False) -> str:
     """An RGB image (H, W, 3) as a data URI: PNG, or JPEG for photographs."""
     suffix, options = (".jpg", [cv2.IMWRITE_JPEG_QUALITY, 88]) if photograph else (".png", [])
+    # OpenCV takes blue first.
     done, data = cv2.imencode(suffix, np.ascontiguousarray(image[..., ::-1]), options)
     if not done:
         raise ValueError(f"an image of {image.shape} cannot be coded as {suffix}")

@@ -38,6 +38,7 @@ def on_demand(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
             value = importlib.import_module(f"{package}.{name}")
         else:
             raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=module)
+        # From now on an attribute like any other.
         setattr(module, name, value)
         return value
 

@@ -123,6 +123,7 @@ def parse_json(text: str | bytes, where: str, expected: str = "correct it") -> A
     """
 
     def whole(digits: str) -> int:
+        # Python reads thousands of digits in quadratic time, and refuses more than 4,300 in words of its own.
         if len(digits) > DIGITS:
             raise InputError(f"{where}: not JSON (a number of {len(digits)} digits), {expected}")
         return int(digits)
@@ -137,6 +138,7 @@ def parse_json(text: str | bytes, where: str, expected: str = "correct it") -> A
         raise InputError(f"{where}: not JSON (found {word}), {expected}")
 
     def pairs(entries: list[tuple[str, Any]]) -> dict[str, Any]:
+        # The last of two would win without a word.
         held = dict(entries)
         if len(held) < len(entries):
             keys = [key for key, _ in entries]
@@ -144,6 +146,7 @@ def parse_json(text: str | bytes, where: str, expected: str = "correct it") -> A
             raise InputError(f"{where}: has the key {twice!r} twice in one object, {expected}")
         return held
 
+    # Windows begins files with a mark that json refuses.
     try:
         plain = text.decode("utf-8-sig") if isinstance(text, bytes) else text.removeprefix("\ufeff")
         value = json.loads(
@@ -164,6 +167,7 @@ def number(value: object, where: str, *, least: float = -math.inf) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{where} is {value!r}, expected a number")
+    # By its own comparison: a whole number beyond a float's range cannot be made one.
     if not abs(value) <= 1e308 or not float(value) >= least:
         bound = "" if least == -math.inf else f" of at least {least:g}"
         raise InputError(f"{where} is {value!r}, expected a finite number{bound}")
@@ -197,6 +201,7 @@ def table(value: object, where: str, keys: Collection[str] | None = None) -> dic
 def _shallow(value: Any, where: str) -> Any:
     """The value, unless more than ``DEPTH`` tables or lists lie in one another."""
     level, depth = [value], 0
+    # Level by level: what is nested deeper than Python's stack is measured too.
     while level:
         level = [inner for held in level for inner in _inside(held)]
         depth += 1

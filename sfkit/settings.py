@@ -54,6 +54,7 @@ def settle(record: Any) -> None:
     """
     for entry in fields(record):
         declared, value = setting_of(entry), getattr(record, entry.name)
+        # None says that the method chooses, where the field allows it.
         if (
             declared is not None
             and declared.check is not None
@@ -120,6 +121,7 @@ def require_between(argument: str, value: object, low: float, high: float = math
         InputError: naming the argument, what was found and what was expected.
     """
     if isinstance(value, Real):
+        # Any kind of number, as NumPy's; NaN is in no range.
         number = float(value)
         if math.isfinite(number) and low <= number <= high:
             return

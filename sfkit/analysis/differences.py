@@ -205,6 +205,7 @@ def _groups(bad: Pixels, shape: tuple[int, ...]) -> list[Pixels]:
 
 def _region(error: Map, part: Pixels, level: float) -> OutlierRegion:
     rows, columns = part
+    # In double: a sum of many float32 loses digits.
     values = error[part].astype(np.float64)
     peak = int(values.argmax())
     return OutlierRegion(

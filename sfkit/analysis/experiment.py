@@ -243,6 +243,7 @@ class Experiment:
 
     def _given(self, subset: Sequence[str], scorer: Evaluator) -> SubsetCandidate:
         recipe = self.pool.equal(*subset)
+        # As any candidate is scored, so that the store may know it.
         (outcome,) = scorer([recipe])
         return SubsetCandidate(
             number=0,

@@ -114,6 +114,7 @@ class BlockOutputs:
 
 def _tensors(output: Any) -> Iterator[torch.Tensor]:
     if isinstance(output, torch.Tensor):
+        # What has no positions has no moments over them.
         if output.is_floating_point() and output.ndim >= 3:
             yield output
     elif isinstance(output, Mapping):

@@ -77,6 +77,7 @@ class LinearPaths:
         told = []
         for path in self.paths:
             first, middle, last = path.scores
+            # Told once, on its line from the base: between two sources no end is to blame.
             if path.end in self.harmful and path.start == "base":
                 told.append(
                     f"{path.end} harms: it scores {last:.2f} {self.unit} where the base has {first:.2f}, and "
@@ -101,6 +102,7 @@ class LinearPaths:
             with the base; ``line``: ``low``, ``barrier`` or ``harms``. The base has the first alone.
         """
         ends = {path.end: path for path in self.paths if path.start == "base"}
+        # Every line from the base begins with the base's own score.
         base = next(iter(ends.values())).scores[0]
         lines = [ends.get(name) for name in summary.index]
         return summary.assign(
@@ -147,6 +149,7 @@ def linear_paths(evaluator: Evaluator, *, between: bool = True) -> LinearPaths:
     recipes: dict[tuple[str, ...], Recipe] = {(): pool.base_recipe()}
     for name in pool.names:
         recipes[(name,)] = pool.equal(name)
+        # Half a task vector is the middle between base and source.
         recipes["base", name] = Recipe.weighted({name: 0.5}, pool.blocks)
     pairs: Sequence[tuple[str, str]] = list(combinations(pool.names, 2)) if between else []
     # The middle of two sources is their equal merge.

@@ -106,6 +106,7 @@ def measure_files(
     wanted = benchmark.measurable(metrics) or (Metric.parse(benchmark.metric),)
     images: dict[str, tuple[ImageErrors, ...]] = {}
     for number, (name, file) in enumerate(files.items(), 1):
+        # Loaded for what it says of itself: workers read the file again.
         loaded = load(file, **known).loaded
         # A pool of a base alone: its merge is the file's own values, to the last bit.
         spec = PoolSpec(name, loaded.name, Member(name, file.absolute()), (), loaded.options)

@@ -132,6 +132,7 @@ def _interval(
     if sum(len(one.values[0]) for one, _ in both) < FEWEST_IMAGES:
         return None
     estimate = paired_estimate(both)
+    # Around the mean over folds, which is what the sentence states.
     low, high = PairedEstimate(held, estimate.error, estimate.freedom).interval()
     return (low, high) if math.isfinite(low) and math.isfinite(high) else None
 

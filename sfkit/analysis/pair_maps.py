@@ -151,5 +151,6 @@ def map_threshold(*metrics: Metric) -> float:
 
     A threshold that was asked for (bad-T) goes before one that a metric brings along (D1).
     """
+    # Metrics that name a threshold come first.
     found = [m.map_threshold for m in sorted(metrics, key=lambda metric: not metric.thresholds)]
     return next((threshold for threshold in found if threshold is not None), DEFAULT_THRESHOLD)

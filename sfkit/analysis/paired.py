@@ -212,6 +212,7 @@ def corrected(differences: Sequence[Difference], beside: Sequence[float] = ()) -
         beside: uncorrected p-values of what is claimed beside the table and belongs to its family.
     """
     alone = [*(one.alone for one in differences), *beside]
+    # Where there is no interval nothing is claimed, and nothing paid for.
     family = sum(not math.isnan(p) for p in alone)
     adjusted = holm(alone)[: len(differences)]
     return tuple(
@@ -262,6 +263,7 @@ def _reason(several: Sequence[Measured], scores: Sequence[Sequence[Sequence[floa
     """Why there is no interval; empty where there is one."""
     for place, one in enumerate(several):
         values = [score for side in scores for score in side[place]]
+        # NaN stands for a network that failed, infinity for a map that is not finite.
         if any(math.isnan(score) for score in values):
             return f"a network failed on {one.benchmark}"
         if not all(map(math.isfinite, values)):

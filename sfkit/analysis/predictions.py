@@ -151,6 +151,7 @@ def calibration(told: Predictions, levels: Sequence[float] = LEVELS) -> Predicti
         )
     mean, sd, score = told.mean[kept], told.sd[kept], told.score[kept]
     apart = score - mean
+    # Two tails: half of what is left out lies beyond each end.
     inside = [np.abs(apart) <= NormalDist().inv_cdf((1.0 + level) / 2.0) * sd for level in levels]
     return PredictionCalibration(
         metric=told.metric,

@@ -92,6 +92,7 @@ class PairPreview:
             self.pair, self._number = pair, benchmark.ids.index(pair)
             truth = self.evaluator.prepared.truth(self._number)
             self.comparand = Comparand.of(self.sample, truth, self.evaluator.metric)
+            # Colour range, sizes and pace are those of a pair.
             self._limits: tuple[float, float] | None = None
             self._reduced.clear()
             self._full_seconds = math.inf
@@ -119,6 +120,7 @@ class PairPreview:
             pair, comparand = self._reduced_pair(reduction)
             small = self._predict(recipe, pair)
             seconds = time.perf_counter() - started
+            # Errors in pixels grow back with the size; residuals are in percent.
             wrong = comparand.map(small) * np.float32(reduction if comparand.labelled else 1)
             return PairLook(small * np.float32(reduction), wrong, None, reduction, seconds)
 

@@ -23,14 +23,15 @@ def environment(experiment: Experiment) -> pd.DataFrame:
     facts["Python"] = platform.python_version()
     facts["system"] = f"{platform.system()} {platform.machine()}"
     facts["processors"] = str(os.cpu_count())
+    # Another number of threads may sum in another order.
     facts["torch threads"] = str(torch.get_num_threads())
     facts["device"] = experiment.compute.device
     facts["engine"] = experiment.scorer().engine.describe()
     facts[f"base of {pool.name}"] = pool.base.fingerprint[:DIGITS]
     facts |= {f"source {source.name}": source.fingerprint[:DIGITS] for source in pool.sources}
     for benchmark in (experiment.validation, *experiment.reported):
-        said = (f"{len(benchmark)} pairs", benchmark.protocol, benchmark.fingerprint()[:DIGITS])
-        facts[f"benchmark {benchmark.name}"] = ", ".join(said)
+        about = (f"{len(benchmark)} pairs", benchmark.protocol, benchmark.fingerprint()[:DIGITS])
+        facts[f"benchmark {benchmark.name}"] = ", ".join(about)
     facts["evaluations in the store"] = f"{len(experiment.store):,}"
     return pd.DataFrame({"value": facts.values()}, index=pd.Index(facts.keys(), name="what"))
 

@@ -98,6 +98,7 @@ def rank_networks(
     found = []
     for scorer in scorers:
         evaluations = scorer.evaluate(list(recipes.values()))
+        # Both rankings are over the same networks.
         sound = {name: one for name, one in zip(recipes, evaluations, strict=True) if not one.failure}
         census, truth = (
             np.array([scorer.score(one.images, by) for one in sound.values()]) for by in (CENSUS, wanted)
@@ -156,6 +157,7 @@ def yardstick_recipes(pool: Pool) -> dict[str, Recipe]:
         "base": pool.base_recipe(),
         "uniform": pool.uniform(),
         **{name: pool.equal(name) for name in names},
+        # Of two sources all but one is the other alone.
         **({name: pool.equal(*kept) for name, kept in left_out.items()} if len(names) > 2 else {}),
     }
 
@@ -188,6 +190,7 @@ def agreement(
             f"of both, at least {FEW_NETWORKS}: score more merges"
         )
     ours, theirs = np.asarray(census, np.float64), np.asarray(truth, np.float64)
+    # Networks are drawn with replacement, each with both of its scores.
     drawn = generator(seed, Stream.TRUST).integers(len(ours), size=(DRAWS, len(ours)))
     spread = rank_correlations(ours[drawn], theirs[drawn])
     # A draw that repeats one network only has no correlation.

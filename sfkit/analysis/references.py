@@ -43,6 +43,7 @@ def reference_rows(columns: Sequence[ComparedColumn], label: str = "tab:zero_sho
     # Levels of one name say it once.
     names = [" ".join(dict.fromkeys(key)) if isinstance(key, tuple) else str(key) for key in table.index]
     rows = table.set_axis([f"{name} {PUBLISHED}" for name in names])[shared]
+    # The paper's mean is over its four benchmarks, and compares with no other.
     if set(BENCHMARKS) == {c.benchmark for c in columns}:
         rows = rows.assign(**{MEAN: table["mean"].to_numpy()})
     return rows.rename_axis("method")
@@ -67,6 +68,7 @@ def with_references(
     heads = {}
     for one in columns:
         names = (one.label, marked(one.benchmark, one.validation), one.benchmark)
+        # A heading may carry a metric or a mark: the table's own form of it is taken.
         heads[one.benchmark] = next(name for name in names if name in table.columns)
     joined = pd.concat([table, rows.rename(columns=heads)])
     own: pd.DataFrame = joined[[*table.columns]]

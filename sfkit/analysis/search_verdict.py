@@ -66,6 +66,7 @@ class SearchVerdict:
         """Plain values, for ``result.json``: the verdict, and every network's scores and difference."""
         networks = {
             row.network: {
+                # JSON has no NaN.
                 "validation": _finite(row.guided),
                 "unseen": _finite(row.unseen),
                 "difference": None if row.difference is None else _finite(row.difference.value),

@@ -41,6 +41,7 @@ class SelectionStatistics:
     def weight_when_chosen(self) -> NDArray[np.float64]:
         """(N,) mean weight over the runs that chose a source; NaN where none did."""
         count = self.chosen.sum(axis=0)
+        # NumPy computes both branches, also where nothing chose a source.
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(count > 0, np.where(self.chosen, self.weights, 0.0).sum(axis=0) / count, np.nan)
 
@@ -75,6 +76,7 @@ class SelectionStatistics:
         rows = []
         for n, source in enumerate(self.sources):
             others = [m for m in range(len(self.sources)) if m != n]
+            # Of two that are chosen alike often the heavier one.
             rival = max(others, key=lambda m: (frequency[m], weights[m]), default=None)
             rows.append(
                 {

@@ -179,6 +179,7 @@ def warping_residual(sample: Sample, disparity: NDArray[np.float32]) -> Values:
     """
     height, width = disparity.shape
     rows, columns = np.indices((height, width), dtype=np.float32)
+    # There is no colour to fetch at a place that is not finite.
     shown = np.nan_to_num(disparity, nan=0.0, posinf=0.0, neginf=0.0)
     # Beyond the image there is nothing to compare with: its edge goes on.
     warped = cv2.remap(sample.right, columns - shown, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

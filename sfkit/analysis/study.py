@@ -33,6 +33,7 @@ DRAWING = ("dare", "dare_ties")
 
 def with_draws(settings: Mapping[str, Mapping[str, Any]], seeds: int) -> dict[str, Mapping[str, Any]]:
     """Settings by method: ``DRAWING`` draw as often as the stages have seeds, unless they say otherwise."""
+    # What is set by hand comes last, so that it wins.
     drawing = {name: {"draws": seeds, **settings.get(name, {})} for name in DRAWING}
     return {**settings, **drawing}
 
@@ -211,6 +212,7 @@ class Study:
 
     def scores(self) -> pd.DataFrame:
         """Base, sources and methods, seeds averaged, for :func:`~sfkit.analysis.scores.score_grid`."""
+        # Base and sources have one network each, methods one a seed.
         groups: dict[str, list[str]] = {name: [name] for name in (BASE, *self.experiment.pool.names)}
         for name, result in self.runs.items():
             groups.setdefault(result.label, []).append(name)

@@ -51,6 +51,7 @@ def study(
         raise InputError(f"seeds: found {seeds}, expected at least 1")
     methods = None if methods is None else list(methods)
     averaged = [AVERAGE] if experiment.resamples else []
+    # Before hours of search, and again when it is known what could run.
     _check_reference(reference, None if methods is None else dict.fromkeys([*methods, *averaged]))
     tested = [one for one in experiment.compared if not one.validation] or experiment.compared
     one_unit([(one.benchmark, one.metric) for one in tested])
@@ -125,6 +126,7 @@ def _seeded(
     for name, result in run.results.items():
         if len(result.draws) > 1:
             for number, one in enumerate(result.draws):
+                # A draw shares the history of its run, and so its cost.
                 drawn = replace(result, pool=one.pool, recipe=one.recipe)
                 runs[f"{result.label}, draw {number}"] = drawn
             continue

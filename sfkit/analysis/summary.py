@@ -81,6 +81,7 @@ def _beside(study: Study) -> Iterator[str]:
     for row in study.comparison.rows:
         if row.difference is None:
             continue
+        # The table has each method beside the reference, the sentence the reference beside each.
         found = row.difference.turned
         what = f"{row.network} (which saw the test)" if row.network in oracles else row.network
         if row.network in LANDMARKS:
@@ -94,13 +95,13 @@ def _beside(study: Study) -> Iterator[str]:
         return
     seeds = study.comparison.row(study.reference).spread
     over = f" (over {len(seeds.values)} seeds)" if seeds is not None else ""
-    said = f"There {study.reference}{over} is {'; '.join(parts)}."
+    sentence = f"There {study.reference}{over} is {'; '.join(parts)}."
     if study.comparison.family:
-        said += (
+        sentence += (
             f" All {study.comparison.family} comparisons made there are corrected together (Holm); an "
             "interval is that of one alone (95 %, over images and, where a method draws, over its seeds)."
         )
-    yield said
+    yield sentence
 
 
 def _figures(difference: Difference) -> str:
@@ -129,6 +130,7 @@ def _warnings(study: Study) -> Iterator[str]:
         guided, unseen = row.guided_difference, row.unseen_difference
         if guided is None or unseen is None or not (row.overfit or row.outdoes_on_unseen):
             continue
+        # Then it is the reference that fits them, and the difference is told from its side.
         if row.outdoes_on_unseen:
             guided, unseen = guided.turned, unseen.turned
         yield (

@@ -207,6 +207,7 @@ def export_table(
         raise InputError(
             f"table {name!r}: found no column {missing[0]!r}, expected some of {', '.join(map(str, table))}"
         )
+    # A csv has no index of several levels.
     plain = table.reset_index() if table.index.nlevels > 1 else table
     write_table(plain, Path(folder) / f"{name}.csv")
     flat = table.set_axis([" / ".join(row) for row in _names(table)[1:]])

@@ -66,6 +66,7 @@ def training_curve(name: str, source: str | Path, *, window: int = WINDOW) -> Tr
         name,
         steps=table["step"].to_numpy(dtype=np.float64),
         losses=losses,
+        # Also the first steps have a value, over as many as there are.
         smoothed=pd.Series(losses).rolling(window, min_periods=1).mean().to_numpy(),
         rates=table["rate"].to_numpy(dtype=np.float64),
         scores={int(step): float(v) for step, v in zip(scored["step"], scored["validation"], strict=True)},

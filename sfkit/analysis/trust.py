@@ -188,6 +188,7 @@ def signs_of(sample: Sample, disparity: NDArray[np.float32]) -> tuple[float, flo
     """Of a pair and a map (H, W) in pixels: shares with texture and inside, and whether it is collapsed."""
     target = CensusTarget(sample.left, sample.right)
     finite = bool(np.isfinite(disparity).all())
+    # Percentiles of NaN compare as false: such a map would pass for sound.
     return target.texture, target.residual(disparity).inside, not finite or is_collapsed(disparity)
 
 

@@ -87,10 +87,12 @@ def verdict(
     close = [one.simpler for one in compared if not one.told_apart and rungs[one.simpler] < rungs[preferred]]
     simplest = min(close, key=lambda name: (rungs[name], able[name])) if close else None
     better = [one.simpler for one in compared if one.refuted]
+    # Of several that tests show better validation chooses: tests judge, and guide nothing.
     recommended = min(better, key=lambda name: able[name]) if better else preferred
     unlike = simplest if simplest is not None else _next(rungs, able, preferred)
     rival = _rival(compared, rungs, preferred)
     shown = unlike is not None and any(one.simpler == unlike and one.confirmed for one in compared)
+    # A simpler network ahead on the tests leaves nothing shown.
     shown = shown and rival is None
     support = Support.OVERRULED if better else Support.SHOWN if shown else Support.UNDECIDED
     found = Verdict(
@@ -163,6 +165,7 @@ def estimate_between(measured: Sequence[Measured], network: str, reference: str)
     if not math.isfinite(value):
         return None
     if min(len(one.ids) for one in measured) < 2:
+        # One image has no spread: an interval without end claims nothing.
         return PairedEstimate(value, math.inf, 1.0)
     return paired_estimate(
         [(runs_on_images(one, [network]), runs_on_images(one, [reference])) for one in measured]

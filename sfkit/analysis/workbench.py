@@ -151,6 +151,7 @@ class RoutingWorkbench:
         """
         self.preview.choose(pair)
         self.look = self.preview.look(self.recipe)
+        # Recipes are compared on one pair, so that pins follow.
         self.pins = {name: Pin(p.recipe, self.preview.look(p.recipe)) for name, p in self.pins.items()}
 
     def pin(self, name: str) -> None:

@@ -61,6 +61,7 @@ def compare_methods(
             for name, one in networks.items()
         ]
         images = {name: one.of(name) for one in parts for name in one.networks}
+        # All parts are of one benchmark, and differ in their networks alone.
         found.append(replace(parts[0], images=images))
     return compare_networks(found, reference, seeds=drawn)
 

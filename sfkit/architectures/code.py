@@ -127,6 +127,7 @@ def _beside(folder: Path) -> Iterator[set[Path]]:
         yield imported
     finally:
         sys.path.remove(str(folder))
+        # Two files may each have a models.py beside them: neither is to find the other's.
         for name in set(sys.modules) - before:
             file = getattr(sys.modules[name], "__file__", None)
             if file and Path(file).resolve().is_relative_to(folder) and not name.startswith("sfkit_code_"):

@@ -174,6 +174,7 @@ class _Walk:
         self.take(value, name)
         if isinstance(value, types.ModuleType) and not self.installed(value.__name__):
             for attribute in attributes:
+                # Not None, which is a value.
                 inner = vars(value).get(attribute, self)
                 if inner is self:
                     continue
@@ -189,6 +190,7 @@ class _Walk:
         self.say("class", kind.__qualname__)
         for base in kind.__bases__:
             self.take(base, base.__name__)
+        # A metaclass of its own decides how a class behaves.
         if type(kind) is not type:
             self.take(type(kind), type(kind).__name__)
         if issubclass(kind, enum.Enum):

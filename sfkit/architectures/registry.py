@@ -235,6 +235,7 @@ def architecture(name: str) -> Architecture:
             run(path, trusted=True)
     if name not in _REGISTRY and ":" in name:
         _from_run_files(name)
+    # Its package may have registered it while it was imported.
     if name not in _REGISTRY and (found := code.declared(name)) is not None and name not in _REGISTRY:
         _register_plainly(name, found)
     if name not in _REGISTRY:

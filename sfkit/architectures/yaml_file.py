@@ -26,6 +26,7 @@ def read_yaml(path: Path, expected: str) -> dict[str, Any]:
     """
     try:
         with path.open("rb") as stream:
+            # One byte more than is allowed tells that there is more.
             data = stream.read(LARGEST + 1)
         if len(data) > LARGEST:
             raise InputError(f"{path}: is larger than {LARGEST} bytes: {expected}")
@@ -44,6 +45,7 @@ def read_yaml(path: Path, expected: str) -> dict[str, Any]:
 
 def _size(value: object, known: dict[int, int]) -> int:
     """How many values are in a value; one that lies in itself never ends, which is a RecursionError."""
+    # Aliases share one object, which is measured once.
     if id(value) not in known:
         below: tuple[object, ...] = ()
         if isinstance(value, Mapping):

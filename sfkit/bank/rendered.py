@@ -133,6 +133,7 @@ def _render(world: str, index: int, split: str) -> Sample:
     pair = RenderedPair(world, index, split)
     path = _folder() / f"{pair.fingerprint()}.npz"
     names = ("left", "right", "disparity", "nonoccluded")
+    # Kept, for rendering takes many times as long as reading.
     sample = recall(path, lambda held: Sample(pair.id, *(held[name] for name in names)))
     if sample is None:
         drawn = synthetic_pair({**domains(), **worlds()}[world], index, split=split)

@@ -103,6 +103,7 @@ def worlds(
             "benchmark_root ~/ETH3D, and in report_on what tests it"
         )
     collection = BANK.name if own else bank_plan(str(pool)).benchmarks
+    # Worlds that the bank's plan renders test its pools alone.
     unseen = () if own else (f"{collection}:{name}" for name in benchmarks() if name != guide)
     tests: list[str | Mapping[str, Any]] = [*(unseen if report_on is None else report_on)]
     return benchmark or f"{collection}:{guide}", tests

@@ -136,6 +136,7 @@ def _drawn(
 
 
 def _strong(pool: Pool, strength: float) -> Recipe:
+    # The one vector that the last step made of all.
     return Recipe.weighted({pool.names[0]: strength}, pool.blocks)
 
 

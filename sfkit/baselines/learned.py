@@ -46,6 +46,7 @@ def fisher(trials: Trials, *, floor: float = 1e-6) -> Choice:
         trials.passed(len(information) * sum(len(part) for part in prepared))
         step = FisherMean(measured(information), on=on, floor=floor)
         pool = prepare(trials.pool, step, importances=information)
+    # The prepared pool has one vector: its equal merge is the Fisher mean itself.
     trials.score([pool.uniform()], [{"floor": floor}], pool=pool)
     return Choice(pool.uniform(), pool, {"floor": floor}, note=f"information measured on {on}, with labels")
 
@@ -139,6 +140,7 @@ def _by_block(pool: Pool, flat: torch.Tensor) -> torch.Tensor:
     """
     found = torch.zeros(len(pool.blocks), len(pool.names))
     for segment in pool.layout.segments:
+        # The loss has no gradient by running statistics.
         if segment.kind is Kind.STATISTIC:
             continue
         part = slice(segment.start, segment.stop)

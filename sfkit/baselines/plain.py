@@ -39,6 +39,7 @@ def single_best_oracle(trials: Trials, *, tests: Sequence[Validation] = ()) -> C
         raise InputError("single_best_oracle: found no tests, expected evaluators of the report's benchmarks")
     recipes = [trials.pool.equal(name) for name in trials.pool.names]
     trials.score(recipes)
+    # A network that fails on one test cannot be the best.
     table = [[math.inf if o.failed else o.score for o in test(recipes)] for test in tests]
     chosen = lowest([math.fsum(column) / len(tests) for column in zip(*table, strict=True)])
     note = f"chosen by the {len(tests)} benchmarks it is reported on"

@@ -80,6 +80,7 @@ def run_baselines(
         try:
             results[entry.name] = entry(pool, validation, **given)
         except InputError as error:
+            # Who names a method wants to know why it cannot run; of all methods the others go on.
             if names is not None:
                 raise
             skipped[entry.name] = str(error)
@@ -123,6 +124,7 @@ def score_baselines(
         metrics: as there.
         validation: names of the benchmarks that guided the methods.
     """
+    # One by one: prepared task vectors have a pool of their own.
     parts = [
         score_table(
             [evaluator.with_pool(result.pool) for evaluator in evaluators],

@@ -43,6 +43,7 @@ def random_subsets(trials: Trials, *, budget: int = 800, seed: int = 0) -> Choic
         raise InputError(f"budget: found {budget}, expected at least 1 evaluation")
     _require_two(names)
     rng, drawn = generator(seed, Stream.RANDOM_SUBSETS), dict[tuple[str, ...], None]()
+    # All there are in a small pool, where draws of new ones would never end.
     while len(drawn) < min(budget, 2 ** len(names) - 1 - len(names)):
         # By a coin for each source: so all subsets are equally likely, where a size drawn first favours small
         # and large.
@@ -61,6 +62,7 @@ def exhaustive(trials: Trials, *, most: int = MOST) -> Choice:
     """
     names = trials.pool.names
     _require_two(names)
+    # But the empty one and single sources.
     count = 2 ** len(names) - 1 - len(names)
     if count > most:
         raise InputError(

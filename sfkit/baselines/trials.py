@@ -64,6 +64,7 @@ class Trials:
             pool: the recipes' pool, where their task vectors were prepared.
         """
         scorer = self.validation if pool is None else self.validation.with_pool(pool)
+        # Asked before scoring: only what is computed for it is marked as a baseline's.
         fresh = [
             (evaluator.store, key)
             for evaluator in evaluators_of(scorer)

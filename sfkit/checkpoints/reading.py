@@ -143,6 +143,7 @@ def _read_torch(path: Path, wrapping: Wrapping) -> CheckpointFile:
 
 
 def _refusal(path: Path, message: str) -> str:
+    # In torch's own words, which name the code it would run.
     code = re.search(r"(?:GLOBAL|global) `?([\w.]+)", message)
     if code is None and "Unsupported" not in message and "Weights only" not in message:
         return f"{path}: cannot be read ({_first_sentence(message)}), expected a whole torch file"

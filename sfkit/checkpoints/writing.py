@@ -64,6 +64,7 @@ def _full_disk_refused(path: Path) -> Iterator[None]:
     """What safetensors and torch say of a disk that is full, in words of their own, as what it is."""
     try:
         yield
+    # Both say a full disk in errors of their own.
     except (SafetensorError, RuntimeError) as error:
         reason, free = str(error).partition("\n")[0], shutil.disk_usage(path.parent).free
         raise InputError(

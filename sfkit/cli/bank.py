@@ -40,6 +40,7 @@ def build(
     out = out or Path("runs") / name
     places = Places()
     places.folder("--out", out, ("pool.toml", "base.safetensors", "trainings.json", "fingerprints.json"))
+    # A pool that was put there by hand has no folder of trainings.
     if (out / "pool.toml").exists() and not (out / "training").is_dir():
         raise InputError(f"--out: {out / 'pool.toml'} exists, and no bank was built there: choose another")
     from sfkit.bank.building import build as build_bank

@@ -58,6 +58,7 @@ def running(files: Sequence[Path], *, trusted: bool) -> Iterator[None]:
     try:
         if trusted:
             code.trust_all()
+        # Processes that are started from here run the same files.
         os.environ[code.IMPORT] = os.pathsep.join(str(path.absolute()) for path in files)
         for path in files:
             from sfkit.architectures.registry import run

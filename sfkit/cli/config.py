@@ -33,6 +33,7 @@ def read_config(path: Path, context: typer.Context, types: Mapping[str, Any]) ->
     for option in context.command.params:
         if option.name in types:
             flags |= {_name(flag): (option.name, False) for flag in option.opts}
+            # As --no-report = true, beside report = false.
             flags |= {_name(flag): (option.name, True) for flag in option.secondary_opts}
     flags = {name: where for name, where in flags.items() if len(name) > 1}  # no -r for --root
     found: dict[str, Any] = {}
@@ -55,6 +56,7 @@ def _value(value: Any, annotation: Any, place: str) -> Any:
     """A value as the command line would have it; its type is the option's, strictly."""
     kind = _plain(annotation)
     if kind is str and isinstance(value, list):
+        # Where the command line takes a,b a file may have a list.
         return ",".join(_value(entry, str, place) for entry in value)
     if get_origin(kind) in (list, tuple):
         inner = [entry for entry in get_args(kind) if entry is not Ellipsis]

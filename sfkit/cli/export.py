@@ -67,6 +67,7 @@ def export(
     from sfkit.datasets.images import read_image
 
     pair = None if left is None or right is None else (read_image(left), read_image(right))
+    # Once more: only now is the pair's size known.
     check_size(given, pair)
     from sfkit.exporting.export import export_network
 

@@ -58,6 +58,7 @@ def ensure_benchmark(
     from sfkit.datasets.synthetic.domains import worlds
 
     collection, colon, world = name.partition(":")
+    # What is rendered has no folder.
     if collection not in RENDERED:
         ensure_data_set(name, *(f"{one}:NAME" for one in RENDERED))
         ensure_root(name, root, place)

@@ -230,6 +230,7 @@ def _opened(path: Path) -> tuple[dict[str, Any], list[str]]:
     """Blocks, and how near each source is to the base; or why the pool cannot be opened."""
     doubts: tuple[str, ...] = ()
     try:
+        # Without opening the pool, where nothing in it is unusual.
         found = relations(read_pool_spec(path))
         if found is None:
             found, doubts = _relations(path)

@@ -125,6 +125,7 @@ def choosers(
     if recipe is not None:
         read = recipe_of(recipe)
         if pool is not None:
+            # A name of its own, of which the lambda below knows that it is not None.
             early = pool
             naming(recipe, lambda: early.check_recipe(read))
         found[str(recipe)] = lambda pool: naming(recipe, lambda: _checked(pool, read))

@@ -52,6 +52,7 @@ class BenchmarkChoice(FolderChoice):
             InputError: as :func:`sfkit.datasets.open_benchmark`, or where no folder is named; the embedded
                 bank's benchmarks (``bank:NAME``) have none.
         """
+        # The folder of a table is the root of its paths.
         root = self.csv.parent if self.root is None and self.csv is not None else self.root
         ensure_benchmark(self.benchmark, root, protocol=self.protocol, metric=self.metric)
         from sfkit.datasets.benchmark import open_benchmark

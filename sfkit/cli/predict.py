@@ -154,6 +154,7 @@ def _predicted(model: LoadedNetwork, plan: PredictionPlan | VideoPlan) -> Iterat
             yield {"left": left, "right": right, **_row(written)}
         return
 
+    # A container need not say how many frames it has.
     total = plan.length
 
     def now_and_then(number: int, written: PredictionFiles) -> str | None:

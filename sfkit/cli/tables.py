@@ -22,6 +22,7 @@ def lines(
     ]
     widths = [max([len(head), *(len(row[n]) for row in texts)]) for n, head in enumerate(heads)]
     numeric = [all(not isinstance(row[n], str) for row in rows) for n in range(len(heads))]
+    # Two blanks stand between columns.
     excess = sum(widths) + 2 * (len(widths) - 1) - WIDTH
     # The widest text gives way first; numbers stay whole.
     for n in sorted(range(len(heads)), key=lambda n: -widths[n]):

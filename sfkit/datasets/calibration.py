@@ -110,6 +110,7 @@ def read_calibration(path: Path, cameras: tuple[int, int] | None = None) -> Cali
             return _kitti(text, cameras)
         if cameras is not None:
             raise InputError("found no rows P0 to P3, expected KITTI's matrices where cameras are named")
+        # A K.txt is numbers alone, where Middlebury names its rows.
         numbers = [_float(word) for word in text.split()]
         if numbers and not any(math.isnan(number) for number in numbers):
             return _of_k(numbers)

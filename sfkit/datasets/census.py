@@ -111,6 +111,7 @@ class CensusTarget:
 
         self.size = left.shape[:2]
         self.device = torch.device(device)
+        # The coarsest scale needs the most room.
         least = max(scale.step * max(scale.window) for scale in scales)
         if min(self.size) < least:
             raise InputError(

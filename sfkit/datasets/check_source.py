@@ -37,6 +37,7 @@ def check_training_set(name: str, root: Path | str, *, sample: int = SAMPLE) -> 
         notes.append(f"{len(found.held_out)} pairs of held-out sequences are kept from training")
     if found.withdrawn:
         notes.append(f"{found.withdrawn} pairs stand on the authors' list of unused files and are left out")
+    # A sample: training sets have tens of thousands of pairs.
     for pair in _spread(pairs, sample):
         try:
             loaded = pair.load()

@@ -63,6 +63,7 @@ class Coding:
         ensure_known("coding", kind, CODINGS)
         if kind == "npz":
             return cls(kind, entry=rest or None)
+        # By itself it is KITTI's, in steps of 1/256 of a pixel.
         if kind == "png16" and not colon:
             return cls(kind, KITTI_SCALE)
         if kind in ("png8", "png16"):
@@ -108,6 +109,7 @@ def write_disparity_png16(path: Path, disparity: NDArray[np.floating]) -> None:
             f"{path}: found a disparity of {steps.max() / KITTI_SCALE:.2f} px, expected at most 255.99; "
             "write a PFM instead"
         )
+    # 0 means unknown: what is known has at least one step.
     write_png(path, np.where(known, np.maximum(steps, 1), 0).astype(np.uint16))
 
 

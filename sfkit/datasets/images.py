@@ -65,6 +65,7 @@ def decode(path: Path) -> NDArray[Any]:
         InputError: the file is missing, is not an image, or is cut off.
     """
     data = read_bytes(path)
+    # OpenCV decodes half a file without a word.
     if not _complete(data):
         raise InputError(f"{path}: found a file that ends too early, expected a whole image; fetch it again")
     try:

@@ -195,6 +195,7 @@ def _ids(path: Path, given: Any) -> tuple[str, ...]:
     """The ids as listed, or counted: ``{format = "{:06d}_10", count = 194}``."""
     if isinstance(given, dict) and set(given) == {"format", "count"}:
         form, count = given["format"], given["count"]
+        # To Python True is a whole number.
         counted = type(count) is int and count in range(1, MOST + 1)
         if not (isinstance(form, str) and _COUNTED.fullmatch(form)) or not counted:
             raise InputError(

@@ -34,6 +34,7 @@ def match_pairs(left: Path, right: Path) -> list[tuple[Path, Path]]:
         )
     by_name = {path.name: path for path in rights}
     alone = [path for path in lefts if path.name not in by_name]
+    # Two cameras may name frames apart; then their numbers tell which belong together.
     if len(alone) == len(lefts):
         return match_by_number(lefts, rights)
     if alone:

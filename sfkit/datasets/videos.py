@@ -59,6 +59,7 @@ class StereoVideo:
         if self.right is None:
             yield from map(self._halves, frames(self.left))
             return
+        # Both to their ends: a shorter side must not end the other in silence.
         for left, right in itertools.zip_longest(frames(self.left), frames(self.right)):
             if left is None or right is None:
                 short, long = (self.left, self.right) if left is None else (self.right, self.left)
@@ -78,6 +79,7 @@ class StereoVideo:
                 f"{'width' if axis else 'height'} to halve ({self.layout})"
             )
         first, second = np.split(frame, 2, axis=axis)
+        # Copies: half a frame is no block of memory.
         return np.ascontiguousarray(first), np.ascontiguousarray(second)
 
     @property

@@ -162,6 +162,7 @@ class RoutingDraft:
             raise InputError(f"source {source!r}: is taken out already")
         if len(self.gone) + 1 == len(self.sources):
             raise InputError(f"source {source!r}: is the last one left, bring another back first")
+        # With its weights, so that it can come back as it was.
         gone = {**self.gone, source: tuple(row[column] for row in self.recipe.weights)}
         freed = replace(self, gone=gone, locked=frozenset(c for c in self.locked if c[1] != source))
         return freed._with_rows(lambda b, row: freed._moved(b, row, column, 0.0))
@@ -229,6 +230,7 @@ class RoutingDraft:
         """Every row changed, or only one; of a tied draft one changed row holds for all blocks."""
         held = self.recipe.weights
         if self.tied:
+            # One row, computed once: blocks of a tied draft cannot drift apart by rounding.
             rows = [change(only or 0, held[0])] * len(held)
         else:
             rows = [change(b, row) if only in (None, b) else row for b, row in enumerate(held)]
@@ -266,6 +268,7 @@ class EditHistory:
         """
         if draft == self.present:
             return self
+        # One drag of a slider is one step back.
         joined = gesture is not None and gesture == self.gesture
         past = self.past if joined else (*self.past, self.present)[-LONGEST_HISTORY:]
         return EditHistory(draft, past, (), gesture)

@@ -151,6 +151,7 @@ def ensure_ray() -> None:
     Raises:
         InputError: it is not installed, or its cluster does not answer.
     """
+    # Found without being imported, which would take long.
     if importlib.util.find_spec("ray") is None:
         raise InputError(
             "engine 'ray': Ray is not installed, install it with pip install 'sfkit[ray]', or choose "

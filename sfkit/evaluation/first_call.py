@@ -190,6 +190,7 @@ def _output(output: Any, again: Any, size: tuple[int, int]) -> Iterator[Mistake]
     found = tuple(output.shape[-2:])
     if found != (height, width):
         share = round(width / found[1]) if found[1] else 0
+        # Strided layers round up.
         whole = share > 1 and found == (-(-height // share), -(-width // share))
         mend = f"say resolution={share}" if whole else "return the input's size"
         yield Mistake("resolution", f"it returns {found[1]}x{found[0]} for {width}x{height}: {mend}")

@@ -100,6 +100,7 @@ def fisher_information(
         model.take(recipe)
         for number in range(len(benchmark)):
             _, gradient = model.gradient(number)
+            # Pair by pair: the square of a mean gradient is not the mean of squares.
             total.addcmul_(gradient, gradient)
             pairs += 1
     return total.div_(pairs)
@@ -131,6 +132,7 @@ def matching_entropy(pool: Pool) -> Loss:
 
     def loss(network: torch.nn.Module, pair: PreparedPair, truth: torch.Tensor) -> torch.Tensor:
         stages = [
+            # In parts of the largest there is, so that stages of other ranges weigh alike.
             torch.special.entr(odds).sum(dim=1).mean() / math.log(odds.shape[1])
             for odds in matching(network, pair.left, pair.right)
         ]

@@ -269,6 +269,7 @@ def write_prediction(
     if outputs.calibration is not None:
         write_pfm(targets["depth"], depth_of(disparity, outputs.calibration))
         if outputs.cloud:
+            # Without the points that the pair itself speaks against.
             keep = None if check is None else check.confidence > 0
             cloud = point_cloud(disparity, left, outputs.calibration, farthest=outputs.farthest, keep=keep)
             cloud.write(targets["cloud"])

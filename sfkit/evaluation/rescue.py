@@ -89,6 +89,7 @@ def _named(db: sqlite3.Connection) -> tuple[set[int], bool]:
     """The numbers that the index of keys has, which lies on other pages than the rows; and whether all."""
     found: set[int] = set()
     try:
+        # The index by keys may be whole where the rows are damaged.
         rows = db.execute(
             "SELECT number FROM evaluations INDEXED BY sqlite_autoindex_evaluations_1 ORDER BY key"
         )

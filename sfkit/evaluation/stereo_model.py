@@ -172,6 +172,7 @@ def _frames(
     if layout is not None or right is None:
         raise InputError("stream: found images, expected those of the right camera too, and no layout")
     lefts, rights = (frames(side) if isinstance(side, str | Path) else side for side in (left, right))
+    # A shorter side must not end the stream in silence.
     for a, b in itertools.zip_longest(lefts, rights):
         if a is None or b is None:
             short = "left" if a is None else "right"

@@ -123,6 +123,7 @@ def restore(db: sqlite3.Connection, path: Path) -> None:
 
 def remedy(error: Exception) -> str:
     """What went wrong and what to do, the end of a sentence that begins with the file."""
+    # Errors that Python itself raises carry no code of SQLite's.
     code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR)
     if code == sqlite3.SQLITE_FULL or code & 0xFF == sqlite3.SQLITE_IOERR:
         return (
@@ -178,6 +179,7 @@ def _opened(path: Path, mode: str) -> sqlite3.Connection:
 def _immutable(path: Path) -> sqlite3.Connection:
     """A store that nobody here can write to, as it lies there."""
     try:
+        # Locks need a file beside it, for which a folder without write access has no place.
         db = sqlite3.connect(
             f"file:{quote(str(path.absolute()))}?immutable=1", uri=True, check_same_thread=False
         )

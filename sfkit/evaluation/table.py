@@ -134,6 +134,7 @@ def image_table(
         benchmark = evaluator.benchmark
         wanted = benchmark.measurable(metrics) or (evaluator.metric,)
         evaluations = evaluator.evaluate(list(recipes.values()))
+        # Workers of one benchmark end before the next one's start.
         evaluator.release()
         for name, evaluation in zip(recipes, evaluations, strict=True):
             for image in evaluation.images:

@@ -41,6 +41,7 @@ class Sizes:
 
     def fed(self, left: NDArray[np.uint8], right: NDArray[np.uint8], inputs: InputConvention) -> PreparedPair:
         """Two (H, W, 3) images as a file of these sizes takes them: of 0 .. 255, padded where it does not."""
+        # A file of one size pads inside.
         multiple = inputs.multiple if self.fixed is None else 1
         raw = replace(inputs, scale=1.0, mean=(0.0,) * 3, std=(1.0,) * 3, multiple=multiple)
         return raw.prepare(left, right)

@@ -101,6 +101,7 @@ def torch_export(
         )
     module = program.module()
 
+    # Written once the check is made, whose findings are part of the file.
     def content(metadata: Mapping[str, str]) -> bytes:
         buffer = io.BytesIO()
         with _quiet():
@@ -120,6 +121,7 @@ def torchscript(
     """
     with _exporting("TorchScript"):
         tell(TRACING)
+        # No check by a second trace: the file is run beside the network.
         module = torch.jit.trace(network, (left, right), check_trace=False)  # type: ignore[no-untyped-call]
 
     def content(metadata: Mapping[str, str]) -> bytes:

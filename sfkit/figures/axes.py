@@ -30,6 +30,7 @@ def log_ticks(values: Iterable[float]) -> list[float]:
     positive = [value for value in values if 0.0 < value < math.inf]
     if not positive:
         return []
+    # A little wider than the values, so that no dot lies on the edge.
     low, high = min(positive) * 0.8, max(positive) * 1.25
     decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ticks = (digit * 10.0**decade for decade in decades for digit in (1, 2, 5))

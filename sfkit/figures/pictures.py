@@ -75,6 +75,7 @@ def add_colour_bar(
     }
     if ticks is not None:
         bar |= {"tickvals": ticks[0], "ticktext": ticks[1]}
+    # A point without a place carries the bar, which pictures cannot have.
     figure.add_scatter(
         x=[None],
         y=[None],

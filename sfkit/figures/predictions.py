@@ -123,6 +123,7 @@ def _line(
     figure.add_scatter(
         x=x,
         y=list(y),
+        # A single point makes no line.
         mode="lines" if len(x) > 1 else "lines+markers",
         line=line,
         name=name,

@@ -61,6 +61,7 @@ def _row(folder: str, metric: str, stage: StageOverview) -> str:
     return (
         "<tr>"
         + "".join(
+            # JavaScript reads Infinity, and not inf.
             f"<td data-sort='{escape('Infinity' if key == math.inf else str(key))}'>{escape(text)}</td>"
             for text, key in cells
         )

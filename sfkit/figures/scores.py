@@ -80,6 +80,7 @@ def _panel(
     figure.update_xaxes(title_text=metric_label(column.metric), row=row, col=col)
     missing = [n for n in range(len(values)) if not np.isfinite(values[n])]
     if missing:
+        # A network that failed has no place on the scale.
         edge = beyond(values.tolist())
         figure.add_scatter(
             x=[edge] * len(missing),

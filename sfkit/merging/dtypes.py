@@ -56,6 +56,7 @@ def within(key: str, tensor: torch.Tensor, kind: torch.dtype) -> torch.Tensor:
     if not tensor.is_floating_point():
         return tensor
     cast = tensor.to(kind)
+    # What is too large becomes infinity without a word.
     if bool((torch.isinf(cast) & torch.isfinite(tensor)).any()):
         largest, name = torch.finfo(kind).max, str(kind).removeprefix("torch.")
         raise InputError(

@@ -50,6 +50,7 @@ def recall(spec: PoolSpec, blocks: Mapping[str, tuple[str, ...]]) -> Relations |
 def keep(spec: PoolSpec, blocks: Mapping[str, tuple[str, ...]], found: Relations) -> None:
     """Write it down for the next time; where nothing can be written that one takes as long as this one."""
     kinships = {name: asdict(kinship) for name, kinship in found.kinships.items()}
+    # Kept for speed alone: where it cannot be written nothing is lost.
     try:
         place = _place(spec, blocks)
         write_text(place, json.dumps({"kinships": kinships, "blocks": dict(found.blocks)}), durable=False)

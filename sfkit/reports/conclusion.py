@@ -47,6 +47,7 @@ def take_conclusion(notebook: NotebookNode) -> Conclusion | None:
         for output in list(cell.get("outputs", [])):
             stated = output.get("data", {}).get(MIME)
             if isinstance(stated, dict) and isinstance(stated.get("title"), str):
+                # Of several the last one counts.
                 found = Conclusion(stated["title"], tuple(map(str, stated.get("sentences", ()))))
                 cell.outputs.remove(output)
     return found

@@ -26,6 +26,7 @@ class _OwnKernel(KernelSpecManager):
 
     def get_kernel_spec(self, kernel_name: str) -> KernelSpec:
         """How to start it, whatever name is asked for; no module of the working folder is run (-P)."""
+        # -P: a json.py beside the notebook must not be taken for Python's own.
         start = [sys.executable, "-P", "-m", "ipykernel_launcher", "-f", "{connection_file}"]
         return KernelSpec(
             argv=start,

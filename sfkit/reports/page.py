@@ -110,6 +110,7 @@ def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     drawn by one copy of plotly.js inside the page (about 5 MB, left out where there is no figure). Widgets
     show their last state.
     """
+    # A copy: what the page leaves out stays in the notebook that is kept.
     shown = copy.deepcopy(notebook)
     shown.cells = [cell for cell in shown.cells if ERROR_MARKER_TAG not in cell.metadata.get("tags", [])]
     failed = shown.cells[run.failure.cell] if run.failure and run.failure.cell is not None else None

@@ -68,6 +68,7 @@ def report_command(
 
 def _from_text(text: str) -> Any:
     try:
+        # Python's words for JSON's.
         return json.loads({"True": "true", "False": "false", "None": "null"}.get(text, text))
     except (ValueError, RecursionError):
         return text
@@ -118,6 +119,7 @@ def _source_at_once(path: Path) -> str | None:
         source = cell["source"]
         text = source if isinstance(source, str) else "".join(source)
         return text if content["nbformat"] == 4 and path.suffix == ".ipynb" else None
+    # Whatever is unusual is left to who can say what is wrong with it.
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError, StopIteration):
         return None
 

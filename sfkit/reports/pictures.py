@@ -66,6 +66,7 @@ def write_pictures(notebook: NotebookNode, folder: Path, kind: str) -> tuple[Pat
         names.append(f"{len(names) + 1:02d}-{re.sub(r'[^A-Za-z0-9_-]+', '-', cell)}.{kind}")
         figures.append(figure)
     folder.mkdir(parents=True, exist_ok=True)
+    # Pictures of an earlier run would pass for this one's.
     for old in [path for ending in KINDS for path in folder.glob(f"[0-9][0-9]-*.{ending}")]:
         old.unlink()
     if not figures:

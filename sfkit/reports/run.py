@@ -92,6 +92,7 @@ def report(
     write_text(page, render_page(result, run))
     if figures is not None:
         write_pictures(result, page.with_name(f"{page.stem}_figures"), figures)
+    # The page is written all the same; then the interrupt goes on its way.
     if failure is not None and failure.error.startswith(KeyboardInterrupt.__name__):
         raise KeyboardInterrupt
     if failure is not None:
@@ -116,6 +117,7 @@ def _check_target(source: Path, page: Path) -> None:
 
 
 def _written_by_papermill(notebook: Path) -> bool:
+    # An empty file holds nothing to lose.
     return not notebook.stat().st_size or "papermill" in read_notebook(notebook).metadata
 
 

@@ -152,6 +152,7 @@ def _climb(start: Place, size: int, height: Callable[[Place], float]) -> Place:
             if 0 <= here[g] + step < size
         ]
         best = max(around, key=height, default=here)
+        # Not on a plateau, where it would walk for ever.
         if height(best) <= height(here):
             return here
         here = best

@@ -221,6 +221,7 @@ def subset_history(
         for candidate in candidates
     ]
     columns = [*COMMON, *ORIGIN, "chromosome", "parents", "operators", "survived", *predicted]
+    # Late: only tables need it, and its import takes long.
     import pandas as pd
 
     return pd.DataFrame(rows, columns=columns)

@@ -84,6 +84,7 @@ class SubsetSearch(Search[SubsetCandidate]):
         self.constraints = constraints or Constraints()
         if not self.blocks:
             raise InputError("blocks: found none, expected the names of at least one block")
+        # Before the starts, which it judges.
         self.space: SubsetSpace = self.constraints.space(self.sources, self.blocks)
         self._starts = self._read_starts(start)
         self._state = SubsetState()

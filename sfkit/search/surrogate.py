@@ -114,6 +114,7 @@ def rows_and_scales(
     rows: list[list[list[float]]] = []
     scales: list[list[float]] = []
     for recipe in recipes:
+        # By name: a recipe may list its blocks in an order of its own.
         parts = [recipe.of(block) for block in blocks]
         rows.append([[weights.get(source, 0.0) for source in sources] for weights, _ in parts])
         scales.append([scale for _, scale in parts])

@@ -129,6 +129,7 @@ def igev_stereo(
             "precision_dtype": "float32",
         }
     )
+    # timm would fetch weights that the checkpoint replaces.
     with without_downloads():
         build = import_from(root, "core.igev_stereo", "IGEVStereo")
         return cast(nn.Module, build(arguments))

@@ -123,6 +123,7 @@ def _scripted_scan(fresh: torch.Tensor, gates: torch.Tensor) -> torch.Tensor:
     column = torch.zeros_like(fresh[0])
     columns: list[torch.Tensor] = []
     for t in range(fresh.shape[0]):
+        # Nothing is passed on from rows beyond the image.
         padded = F.pad(column, [1, 1])
         above, below = padded[..., :-2], padded[..., 2:]
         column = fresh[t] + gates[t, 0] * above + gates[t, 1] * column + gates[t, 2] * below

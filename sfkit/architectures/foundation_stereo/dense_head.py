@@ -67,6 +67,7 @@ class Scratch(nn.Module):
         path, lateral = taps[3], None
         for level in (4, 3, 2, 1):
             finer = taps[level - 2] if level > 1 else None
+            # The last step meets no finer map: it doubles.
             height, width = (
                 finer.shape[-2:] if finer is not None else (2 * path.shape[-2], 2 * path.shape[-1])
             )

@@ -104,6 +104,7 @@ class SplitTransposeLayer(nn.Module):
 
     def __init__(self, channels: int, chunks: int, position: bool) -> None:
         super().__init__()
+        # The last piece may be narrower, and is passed on as it is.
         self.chunk = math.ceil(channels / chunks)
         self.convs = nn.ModuleList(
             nn.Conv2d(self.chunk, self.chunk, 3, padding=1, groups=self.chunk) for _ in range(chunks - 1)

@@ -49,6 +49,7 @@ def synthetic_pair(
 def rendered(domain: Domain, scene: Generator, camera: Generator, height: int, width: int) -> SyntheticPair:
     """A pair whose surfaces come from the generator ``scene`` and whose pictures come from ``camera``."""
     views = render(Composer(domain, height, width, scene).compose(), height, width)
+    # Drawn in this order for good: another would draw another pair.
     weather = Weather(
         density=float(camera.uniform(*domain.haze)),
         light=_triple(camera.uniform(0.7, 0.9) + camera.normal(0.0, 0.02, size=3)),

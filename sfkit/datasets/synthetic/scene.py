@@ -20,6 +20,7 @@ class Composer:
     def __init__(self, domain: Domain, height: int, width: int, rng: Generator) -> None:
         self.domain, self.height, self.width, self.rng = domain, height, width, rng
         low, high = domain.disparity
+        # As in pairs: the order of draws is part of what a seed means.
         self.far = float(low + rng.uniform(*domain.backdrop) * (high - low))
         self.near = float(rng.uniform(0.5 * (self.far + high), high))
         self.horizon = rng.uniform(0.15, 0.4) * height

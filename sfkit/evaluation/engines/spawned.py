@@ -94,6 +94,7 @@ class Spawned:
         except subprocess.TimeoutExpired:
             self.kill()
             return "stopped answering"
+        # A signal comes as a negative code.
         if code < 0:
             return f"was killed by signal {-code} ({signal.strsignal(-code)})"
         return f"exited with code {code}"

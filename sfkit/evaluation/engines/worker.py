@@ -109,6 +109,7 @@ class Worker:
         if self.model.device.type != "cuda":
             return
         try:
+            # CUDA tells of errors late: asked to finish, it says whether it works.
             torch.cuda.synchronize(self.model.device)
         except RuntimeError as error:
             raise DeviceLostError(
