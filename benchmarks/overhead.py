@@ -178,6 +178,7 @@ def measure(
         "pairs": pairs,
         "evaluations": scorer.counts.computed,
         "seconds": total,
+        "cpu_seconds": computed,
         "before": before,
         "outside": 1 - clock.seconds[FORWARD] / total,
         "outside_computing": 1 - clock.computing[FORWARD] / computed,
@@ -247,8 +248,9 @@ def table(found: dict[str, Any]) -> str:
         for r in found["rows"]
     ]
     return f"""{found["network"]}, {found["pairs"]} pairs, {found["method"]} method, {found["evaluations"]}
-evaluations in {found["seconds"]:.0f} s, of which **{100 * found["outside"]:.1f} %** lie outside
-the network's forward passes ({100 * found["outside_computing"]:.1f} % of computing). Pool and
+evaluations in {found["seconds"]:.0f} s ({found["cpu_seconds"]:.0f} s of CPU), of which
+**{100 * found["outside"]:.1f} %** lie outside the network's forward passes
+({100 * found["outside_computing"]:.1f} % of computing). Pool and
 images were made ready before, once, in {found["before"]:.1f} s.
 
 {numbers(heads, rows)}"""

@@ -151,3 +151,27 @@ def test_the_page_shows_every_figure_without_a_network(folder: Path, browser: Br
     context.close()
     assert noise == []
     assert [url for url in asked if not url.startswith(("data:", "blob:"))] == [address]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1280, 420])
+def test_tables_fit_the_page_or_scroll_within_it_and_their_latex_is_folded(
+    folder: Path, browser: Browser, width: int
+) -> None:
+    context = browser.new_context(offline=True, viewport={"width": width, "height": 900})
+    page = context.new_page()
+    page.goto((folder / "page.html").as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= width, "no text runs out of the page"
+    tables = page.evaluate(
+        """() => [...document.querySelectorAll('.shown-table')].map(one => {
+            const room = one.querySelector('.scroll');
+            return {over: room.scrollWidth - room.clientWidth, how: getComputedStyle(room).overflowX,
+                    latex: one.querySelector('details pre').checkVisibility()};
+        })"""
+    )
+    context.close()
+    assert len(tables) >= 8
+    assert {table["how"] for table in tables} == {"auto"}
+    assert not any(table["latex"] for table in tables)
+    over = [table["over"] for table in tables]
+    assert max(over) <= 1 if width == 1280 else max(over) > 100
