@@ -177,7 +177,7 @@ def runs_sheet(columns: Sequence[str], rows: Sequence[Mapping[str, Any]], most: 
     sheet = Sheet("Searches")
     if not rows:
         return _nothing(sheet, "No search has left a journal here.")
-    widths = [0.2, 0.07, 0.08, 0.14, 0.09, 0.2, 0.09, 0.07, 0.06]
+    widths = [0.15, 0.07, 0.08, 0.12, 0.07, 0.16, 0.09, 0.085, 0.09, 0.085]
     lefts = [MARGIN + INNER * sum(widths[:n]) for n in range(len(widths))]
     texts = [list(columns), *([text for text, _ in row["cells"]] for row in rows[:most])]
     for line, cells in enumerate(texts):
