@@ -57,6 +57,7 @@ def read_toml(path: Path, expected: str = "correct the file") -> dict[str, Any]:
         text = read_text(path)
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: is not TOML (no UTF-8: {error.reason}), {expected}") from error
+    # Unlike json, tomllib has no hook for whole numbers.
     if _LONG_NUMBER.search(text):
         raise InputError(f"{path}: is not TOML (a number of more than {DIGITS} digits), {expected}")
     try:

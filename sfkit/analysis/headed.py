@@ -83,6 +83,7 @@ class ShownTable:
         # Neighbours alone share a head; the same word farther right begins another group.
         for upper, group in groupby(enumerate(heads), key=lambda pair: pair[1][0]):
             places = [place for place, _ in group]
+            # A head without a lower one spans both lines.
             alone = not any(heads[place][1] for place in places)
             span = f' rowspan="{down}"' if alone else f' colspan="{len(places)}"'
             kind = self._kind(places[0])

@@ -52,6 +52,7 @@ def measure_networks(
     for number, pair in enumerate(benchmark.ids):
         if progress is not None:
             progress(number, len(benchmark))
+        # Pair by pair: the maps of all pairs at once would fill the memory.
         prepared = PreparedBenchmark(benchmark.select([pair]), inputs, Quantities.of(*wanted))
         sample = prepared.samples[0]
         maps = {}

@@ -112,6 +112,7 @@ class PairPreview:
 
     def quick_look(self, recipe: Recipe) -> PairLook:
         """The recipe at a size that takes about ``QUICK_SECONDS``: the full one where that is quick."""
+        # How long a whole look takes is known after the first.
         reduction = reduction_for(self._full_seconds) if math.isfinite(self._full_seconds) else 1
         if reduction == 1:
             return self.look(recipe)

@@ -38,6 +38,7 @@ def qualitative_grid(
         )
     several = len(networks) > 1
     named = [
+        # Pools have networks of one name, such as uniform.
         (pool, {f"{pool.name}: {name}" if several else name: one for name, one in found.items()})
         for pool, found in networks
     ]

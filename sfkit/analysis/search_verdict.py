@@ -104,6 +104,7 @@ class SearchVerdict:
             for one in found
             if one.allowance
         ]
+        # Each note once, of however many networks it is told.
         return (self.verdict.sentence, *table, *dict.fromkeys(notes))
 
 

@@ -195,6 +195,7 @@ def _compare(
     others = [name for name in rungs if name != preferred]
     simpler = [n for n in others if rungs[n] < own or rungs[n][0] > own[0] or n in always]
     seen = [estimate_between(tests, preferred, name) for name in simpler]
+    # Too few images give no interval, and so no p-value to correct.
     enough = bool(tests) and min(len(one.ids) for one in tests) >= FEWEST_IMAGES
     alone = [*(one.p if one is not None and enough else math.nan for one in seen), *beside]
     # What is claimed beside the verdict on the same tests belongs to its family.

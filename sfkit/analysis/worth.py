@@ -83,6 +83,7 @@ def method_costs(run: BaselineRun) -> tuple[MethodCost, ...]:
 def worth(run: BaselineRun, comparison: NetworkComparison) -> tuple[str, ...]:
     """Sentences that say whether the reference was worth its price, the answer first."""
     reference = comparison.reference
+    # An oracle saw the tests, and is nothing to deploy.
     deployable = {result.label: result for result in run.results.values() if not result.oracle}
     rows = [row for row in comparison.rows if row.network != reference and row.network in deployable]
     groups: dict[Judgement, list[str]] = {word: [] for word in Judgement}

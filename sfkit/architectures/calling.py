@@ -73,6 +73,7 @@ class Calling:
             output = output[:, 0]
         if self.resolution != 1:
             scaled = F.interpolate(output[:, None], left.shape[-2:], mode="bilinear", align_corners=False)
+            # Disparities are as much smaller as the map is.
             output = scaled[:, 0] * self.resolution
         return output  # type: ignore[no-any-return]
 

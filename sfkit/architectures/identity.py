@@ -122,6 +122,7 @@ class _Walk:
         if isinstance(value, type):
             return self.type(value, path)
         if isinstance(value, torch.Tensor):
+            # Views that negate or conjugate lazily share the bytes of another value.
             flat = value.detach().cpu().resolve_conj().resolve_neg().contiguous().reshape(-1)
             raw = flat.view(torch.uint8) if flat.numel() else flat
             self.say("tensor", value.dtype, tuple(value.shape), hashlib.sha256(raw.numpy().data).hexdigest())

@@ -78,6 +78,7 @@ def check_keys(
     names = {name for spec in specs for name in (spec.key, *spec.aliases)}
     missing = [s for s in specs if s.key not in found and not any(a in found for a in s.aliases)]
     absent = tuple(s.key for s in missing if s.optional and not s.tolerant)
+    # A source may lack what is optional, the base may not.
     fatal = [s.key for s in missing if not s.tolerant and (is_base or not s.optional)]
     extra = sorted(set(found) - names - set(known_extra))
     # A counter that no inference reads is no reason to refuse a file.

@@ -225,6 +225,7 @@ def _smoothed(image: torch.Tensor, scale: CensusScale) -> torch.Tensor:
     import torch.nn.functional as F
 
     if scale.sigma > 0:
+        # Beyond three sigmas a Gaussian has next to no weight.
         reach = math.ceil(3 * scale.sigma)
         x = torch.arange(-reach, reach + 1, dtype=torch.float32, device=image.device)
         kernel = torch.exp(-(x**2) / (2 * scale.sigma**2))

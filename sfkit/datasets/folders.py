@@ -58,6 +58,7 @@ def find_in_folders(root: Path, coding: str | None = None) -> PairListing:
     # The folder itself first: it may be one pair.
     for folder in [root, *folders]:
         inside(root, folder)
+        # A folder's own hints come before those of the root.
         own = hints if folder == root else {**hints, **_hints(folder)}
         roles = _roles(folder, own)
         if "left" not in roles:

@@ -80,6 +80,7 @@ def first_call(pool: Pool) -> FirstCall:
     try:
         output, fatal, size = _first(network, inputs)
         if fatal is None:
+            # The second call is timed: the first one pays for what is made once.
             started = time.perf_counter()
             again = _called(network, inputs, size)
             seconds = time.perf_counter() - started

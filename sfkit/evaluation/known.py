@@ -62,6 +62,7 @@ def known_evaluations(pool: Pool, scorer: Scorer, search: Mapping[str, Any]) -> 
     # In content: a search in another folder, under another name, is the same one.
     name = text_digest(json.dumps(identity, sort_keys=True))
     tables = [_known(pool, evaluator, _began(evaluator.store, name)) for evaluator in evaluators]
+    # What one of the stores lacks has no combined score.
     shared = [key for key in tables[0] if all(key in table for table in tables)]
     if not isinstance(scorer, CombinedScorer):
         return tuple(tables[0].values())

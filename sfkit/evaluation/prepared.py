@@ -147,6 +147,7 @@ class PreparedBenchmark:
                     f"{pair.id}: has no ground truth, found a metric that compares with it, expected census "
                     "alone; or give a labelled benchmark"
                 )
+            # The first problem says enough.
             for problem in check_sample.problems(sample, labelled=False):
                 raise InputError(f"{pair.id}: {problem}")
         try:

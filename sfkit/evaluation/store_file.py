@@ -203,6 +203,7 @@ def _create(path: Path, fill: Callable[[sqlite3.Connection], None]) -> None:
         except OSError as error:
             if error.errno not in _NO_LINKS:
                 raise
+            # Without links who was first is looked for, and no longer certain.
             if not path.exists():
                 fresh.rename(path)
 

@@ -27,6 +27,7 @@ def allocate(elements: int, *, mapped: bool, folder: Path | None = None) -> torc
         return torch.zeros(elements, dtype=torch.float32)
     folder = folder or default_folder() / "buffers"
     folder.mkdir(parents=True, exist_ok=True)
+    # A sparse file may have any size: only a write tells that the disk is full, and ends the process.
     ensure_pages(folder, elements * 4)
     handle, name = tempfile.mkstemp(dir=folder, suffix=".f32")
     try:

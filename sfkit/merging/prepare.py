@@ -214,6 +214,7 @@ def _written(source: _Source, pool: Pool, cache: VectorCache) -> torch.Tensor:
         out = torch.empty(size, dtype=torch.float32)
         _copy(source.row, pool, out)
         return out
+    # With offsets: in another layout the same values stand elsewhere.
     order = "\n".join(f"{spec.key} {offset}" for spec, offset in pool.layout.entries)
     key = text_digest(f"prepared\n{source.row.fingerprint}\n{order}")
     known = cache.vector(key)

@@ -187,6 +187,7 @@ def _matrices(path: Path, name: str) -> Mapping[str, np.ndarray]:
 
     entry = architecture(name)
     options = entry.resolve(near=path)
+    # As a source, which may lack optional parts.
     tensors = PoolOpener(entry, options, tensor_specs(entry, options)).read(path, is_base=False).tensors
     kept = {key: t for key, t in tensors.items() if t.ndim >= 2 and t.is_floating_point()}
     # numpy has no bfloat16.

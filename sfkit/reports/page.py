@@ -125,6 +125,7 @@ def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     body, _ = _exporter().from_notebook_node(shown)
     files = resources.files("sfkit.reports")
     drawing = [get_plotlyjs(), files.joinpath("page.js").read_text(encoding="utf-8")] if any(figures) else []
+    # Drawn anew for each page, so that no script but its own runs.
     nonce = secrets.token_hex(16)
     scripts = [f'<script nonce="{nonce}">{script}</script>' for script in (*drawing, *widgets.scripts())]
     return PAGE.format(

@@ -67,6 +67,7 @@ class SavedWidgets:
         for identity, entry in self._placed.items():
             state = {name: value for name, value in entry["state"].items() if name not in SOURCES}
             known = {name: text for name, text in entry["state"].items() if name in SOURCES and text}
+            # Widgets of one kind share their code, which the page holds once.
             shared = {SOURCES[name]: sources.setdefault(text, len(sources)) for name, text in known.items()}
             models[identity] = {"state": state, "buffers": entry.get("buffers", []), **shared}
         # Inside a script element only "<" could end it.

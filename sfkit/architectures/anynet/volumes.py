@@ -36,6 +36,7 @@ def residual_volume(
     x = torch.arange(width, dtype=left.dtype, device=left.device)
     y = torch.arange(height, dtype=left.dtype, device=left.device)
     columns = (x - disparity)[:, None] + offsets[:, None, None]
+    # grid_sample counts from -1 to 1, whatever the width.
     grid_x = 2 * columns / max(width - 1, 1) - 1
     grid_y = (2 * y / max(height - 1, 1) - 1)[:, None].expand_as(grid_x)
     # All offsets lie below one another in one tall grid: a single call, and no copy of the features.

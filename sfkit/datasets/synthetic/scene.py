@@ -179,6 +179,7 @@ class Composer:
         room = max(0.0, min(level - low, high - level))
         slope_x, slope_y = self.rng.uniform(-1.0, 1.0, size=2) * self.domain.slant
         swing = abs(slope_x) * reach[0] + abs(slope_y) * reach[1] + 1e-9
+        # Flattened, so that no place leaves the domain's range.
         shrink = min(1.0, room / swing)
         if self.rng.random() >= self.domain.curved:
             return DisparityField(centre, level, float(slope_x * shrink), float(slope_y * shrink))

@@ -43,6 +43,7 @@ def ground_skin(tile: Array, horizon: float, scale: float, offset: tuple[float, 
     def colours(x: Array, y: Array) -> Array:
         below = np.maximum(y - horizon, 0.5)
         width = scale / below  # texels under one pixel
+        # The chain's last level has no coarser one to be mixed with.
         level = np.clip(np.log2(np.maximum(width, 1.0)), 0.0, len(chain) - 1.001)
         u, v = x * width + offset[0], scale * scale / below + offset[1]
         floor = np.floor(level).astype(np.intp)

@@ -79,6 +79,7 @@ class AutoEngine:
         if workers == 1:
             one = "the CPU" if device == "cpu" else "one GPU"
             return None, f"{one} is one device: name workers to run several evaluations at a time on it"
+        # What workers cannot do is no error here: one process goes on.
         try:
             ensure_processes()
             module_of(self._pool)
