@@ -1,7 +1,8 @@
 """Files of sfkit's own: written whole or not at all, where they can be written, and where shipped ones lie.
 
 Every file that must not be met half written goes through :func:`writing`. A command's checks of the places
-it will write to rest on :func:`unwritable`.
+it will write to rest on :func:`unwritable`. Work that one process alone may do goes on within
+:func:`holding`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 
 from sfkit.errors import InputError
 
+_PATIENCE, _PAUSE = 1.0, 0.05  # seconds to wait for a lock that :func:`is_held` may just be looking at
 _NAME = 50  # characters of a name that a temporary one repeats: names end at 255 bytes
 PACKAGE = Path(__file__).resolve().parent
 
@@ -66,6 +68,51 @@ def write_bytes(path: Path, content: bytes, *, durable: bool = True) -> Path:
     with writing(path, durable=durable) as fresh:
         fresh.write_bytes(content)
     return path
+
+
+@contextmanager
+def holding(lock: Path, refusal: str) -> Iterator[None]:
+    """Hold a lock as long as the block runs; the system frees it when the process ends, however it ends.
+
+    The file and its folder are made where there are none, and stay.
+
+    Args:
+        lock: the lock's file.
+        refusal: the sentence for who comes second.
+
+    Raises:
+        InputError: ``refusal``, where another process, or another block of this one, holds it.
+    """
+    from filelock import FileLock, Timeout  # not for commands that hold nothing
+
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    # Not the thread's own: a notebook may begin work in one thread and end it in another.
+    held = FileLock(lock, thread_local=False)
+    try:
+        held.acquire(timeout=_PATIENCE, poll_interval=_PAUSE)
+    except Timeout as error:
+        raise InputError(refusal) from error
+    try:
+        yield
+    finally:
+        held.release()
+
+
+def is_held(lock: Path) -> bool:
+    """Whether a process that lives is within :func:`holding` of this file; nothing is written."""
+    from filelock import FileLock, Timeout
+
+    if not lock.is_file():
+        return False
+    probe = FileLock(lock, thread_local=False)
+    try:
+        probe.acquire(blocking=False)
+    except Timeout:
+        return True
+    except OSError:  # of another user, who alone may write there: not told
+        return False
+    probe.release()
+    return False
 
 
 Signature = tuple[int, int, int, int]

@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from sfkit.errors import InputError
-from sfkit.training.finetune import COLUMNS
 from sfkit.training.places import training_folder
+from sfkit.training.record import COLUMNS
 
 Values = NDArray[np.float64]
 WINDOW = 50  # steps

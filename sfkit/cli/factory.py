@@ -17,7 +17,7 @@ from sfkit.cli.validation import trust_entry, trust_lines
 from sfkit.outside import read_toml
 
 if TYPE_CHECKING:
-    from sfkit.factory import FactoryResult
+    from sfkit.factory import FactoryResult, SearchItem
 
 app = sub_commands()
 
@@ -61,14 +61,14 @@ def run(
     factory = read_factory(file)
     from sfkit.factory import report_values
     from sfkit.factory import run as run_factory
-    from sfkit.factory.outputs import COSTS, POOL, SCORES, SEARCH, STORE, ensure_own
+    from sfkit.factory.outputs import COSTS, POOL, RECORD, SCORES, SEARCH, STORE, ensure_own
     from sfkit.search.run_folder import LOCK, OUTPUTS
     from sfkit.search.run_folder import SEARCH as SEARCH_RECORD
 
     places = Places()
     places.reads("FILE", file)
     places.reads(f"base in {file}", factory.base)
-    places.folder(f"out in {file}", factory.out, (POOL, SCORES, COSTS))
+    places.folder(f"out in {file}", factory.out, (POOL, SCORES, COSTS, RECORD))
     places.folder(f"out in {file}", factory.out / SEARCH, (*OUTPUTS, SEARCH_RECORD, LOCK))
     places.store(factory.out / STORE, f"out in {file}")
     if report is not None:
@@ -151,32 +151,63 @@ def train(
 
 
 @app.command("status")
-def status(file: FactoryArgument, json: JsonOption = False) -> None:
-    """Say what is done, begun, stale or missing, and what the rest will cost.
+def status(
+    file: FactoryArgument,
+    measure: Annotated[
+        bool,
+        typer.Option(
+            "--measure",
+            help="Time three steps of each kind of training, and an evaluation, where none is known.",
+        ),
+    ] = False,
+    device: Annotated[
+        str, typer.Option("--device", help="Where they are timed: cpu, cuda or cuda:N.")
+    ] = "cpu",
+    json: JsonOption = False,
+) -> None:
+    """Say what is done, running, interrupted, stale or missing, and what the rest will cost.
 
     \b
-    Example:
+    Examples:
       sfkit factory status factory.toml
+      sfkit factory status factory.toml --measure
     """
     from sfkit.factory.file import read_factory
 
     factory = read_factory(file)
-    from sfkit.factory import most_evaluations, search_seconds
+    from sfkit.factory import search_status, time_evaluation, time_steps
     from sfkit.factory import status as factory_status
 
-    items = factory_status(factory)
-    lines = [f"{'network':24s} {'state':8s} {'steps':>8s} {'seconds':>9s}"]
+    items = factory_status(factory, time_steps(factory, device) if measure else None)
+    files = {item.name: item.file for item in items}
+    search = search_status(factory, files)
+    if measure and search.each is None:
+        search = search_status(factory, files, time_evaluation(factory, device))
+    lines = [f"{'network':24s} {'state':11s} {'steps':>8s} {'done':>8s} {'seconds':>9s} {'left':>9s}"]
     lines += [
-        f"{i.name:24s} {i.state:8s} {i.steps:8d} {'unknown' if i.seconds is None else f'{i.seconds:.0f}':>9s}"
+        f"{i.name:24s} {i.state:11s} {i.steps:8d} {i.done:8d} {_whole(i.seconds):>9s} {_whole(i.left):>9s}"
         for i in items
     ]
-    if any(i.seconds is None for i in items):
-        lines.append(
-            "seconds are unknown until one network is trained here, whose pace says those of the others"
-        )
     guides = ", ".join(guide.name for guide in factory.validation)
-    most, took = most_evaluations(factory), search_seconds(factory)
-    cost = "its seconds are unknown until it has run" if took is None else f"the last one took {took:.0f} s"
-    lines.append(f"search: at most {most} evaluations on {guides}; {cost}")
-    document = {"networks": [asdict(i) for i in items], "evaluations": most, "search_seconds": took}
+    lines.append(
+        f"search: {search.state}, at most {search.evaluations} evaluations on {guides}; {_cost(search)}"
+    )
+    if any(i.left is None for i in items) or search.seconds is None:
+        lines.append(
+            "what is unknown is known once a training, or the search, has taken its first steps; --measure "
+            "times a few now"
+        )
+    document = {"networks": [asdict(i) for i in items], "search": asdict(search)}
     emit(document, "\n".join(lines), as_json=json)
+
+
+def _whole(seconds: float | None) -> str:
+    return "unknown" if seconds is None else f"{seconds:.0f}"
+
+
+def _cost(search: SearchItem) -> str:
+    if search.seconds is None:
+        return "its seconds are unknown"
+    if search.state == "done":
+        return f"it took {search.seconds:.0f} s"
+    return f"{search.seconds:.0f} s at most, {search.each:.2f} s each"

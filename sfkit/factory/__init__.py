@@ -9,7 +9,9 @@ if TYPE_CHECKING:
     from sfkit.factory.file import Factory, read_factory
     from sfkit.factory.report import report_values
     from sfkit.factory.running import Cost, FactoryResult, run
-    from sfkit.factory.standing import Item, most_evaluations, search_seconds, status
+    from sfkit.factory.searching import SearchItem, most_evaluations, search_status
+    from sfkit.factory.standing import Item, status
+    from sfkit.factory.timing import time_evaluation, time_steps
     from sfkit.factory.training import train_missing, train_one
 else:
     __getattr__, __dir__ = on_demand(__name__)

@@ -13,6 +13,8 @@ POOL, STORE, SEARCH, SCORES, COSTS = (
     "scores.json",
     "costs.csv",
 )
+RECORD = "factory.json"
+"""Says what networks, benchmarks and budgets the last search that ended was of."""
 MADE_BY = "# Made by sfkit factory, which writes it anew; the factory's file says what is in it.\n"
 
 
@@ -25,7 +27,7 @@ def ensure_own(factory: Factory) -> None:
     pool = factory.out / POOL
     if pool.is_file() and pool.read_bytes().startswith(MADE_BY.encode()):
         return
-    names = (POOL, SCORES, COSTS, *(f"{SEARCH}/{name}" for name in OUTPUTS))
+    names = (POOL, SCORES, COSTS, RECORD, *(f"{SEARCH}/{name}" for name in OUTPUTS))
     for path in (factory.out / name for name in names):
         if path.exists():
             raise InputError(

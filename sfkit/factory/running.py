@@ -22,6 +22,7 @@ from sfkit.evaluation.combining import combined
 from sfkit.evaluation.outcome import total_known
 from sfkit.factory.file import JOINT, MERGED, SEARCHED, Factory
 from sfkit.factory.outputs import COSTS, MADE_BY, POOL, SCORES, SEARCH, STORE, ensure_own
+from sfkit.factory.searching import begin, end
 from sfkit.factory.standing import Item, files_of, status
 from sfkit.factory.training import Say, train_missing
 from sfkit.files import write_text
@@ -96,7 +97,7 @@ def run(
     """Make what a factory lacks; a second call finds all of it done, a new source costs its own share.
 
     Writes below ``factory.out``: ``sources/``, ``pool.toml``, ``evaluations.sqlite``, ``search/``,
-    ``scores.json`` and ``costs.csv``.
+    ``scores.json``, ``costs.csv`` and ``factory.json``.
 
     Args:
         factory: from :func:`~sfkit.factory.file.read_factory`.
@@ -108,8 +109,8 @@ def run(
     Warns (:class:`~sfkit.errors.SfkitWarning`) where a guide without ground truth is not to be trusted.
 
     Raises:
-        InputError: files that no factory made would be replaced, and what
-            :func:`~sfkit.training.finetune.finetune` and the search refuse.
+        InputError: files that no factory made would be replaced, another process trains one of the networks
+            or searches, and what :func:`~sfkit.training.finetune.finetune` and the search refuse.
         SfkitError: a training failed.
     """
     compute = compute or Compute(devices[0])
@@ -118,6 +119,8 @@ def run(
     trained = train_missing(factory, devices=devices, ray=compute.engine == "ray", say=say)
     pool_file = write_text(factory.out / POOL, pool_toml(factory))
     pool = open_pool(pool_file)
+    files = {item.name: item.file for item in status(factory)}
+    begin(factory, files)
     with EvaluationStore(factory.out / STORE) as store:
         before = len(store)
         guides = [Evaluator(pool, guide, store=store, compute=compute) for guide in factory.validation]
@@ -140,6 +143,7 @@ def run(
     costs = (*_training_costs(factory, items), _search_cost(factory, found))
     table = pd.DataFrame([asdict(cost) for cost in costs])
     write_text(factory.out / COSTS, table.to_csv(index=False))
+    end(factory, files)
     return FactoryResult(items, pool_file, found, scores, costs, trained, evaluated, trusted)
 
 

@@ -15,7 +15,7 @@ from sfkit.evaluation.compute import ensure_ray
 from sfkit.evaluation.engines.ray_actors import connect
 from sfkit.evaluation.engines.spawned import ISOLATED
 from sfkit.factory.file import Factory, Order, read_factory
-from sfkit.factory.standing import DONE, files_of, status
+from sfkit.factory.standing import DONE, RUNNING, files_of, status
 from sfkit.training.finetune import finetune
 from sfkit.training.loop import Course
 
@@ -39,12 +39,16 @@ def train_missing(
         say: told a line when a training begins, and every fifty steps.
 
     Raises:
-        InputError: no device, or Ray is not installed.
+        InputError: no device, Ray is not installed, or another process trains one of them now.
         SfkitError: a training failed; the others were waited for, and their sources are kept.
     """
     if not devices:
         raise InputError("devices: found none, expected one such as 'cpu' or 'cuda:0'")
     missing = [item for item in status(factory) if item.state != DONE]
+    running = [item.name for item in missing if item.state == RUNNING]
+    if running:  # met now rather than after hours of training the others
+        named = ", ".join(running)
+        raise InputError(f"{factory.file}: another process is training {named}, wait for its end")
     for item in missing:
         say(f"{item.name}: {item.state}, {item.steps} steps")
     names = [item.name for item in missing]

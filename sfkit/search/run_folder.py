@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sfkit.errors import InputError
-from sfkit.files import trouble, write_text
+from sfkit.files import holding, trouble, write_text
 
 SEARCH = "search.json"
 NAMES = "names"
@@ -54,18 +54,8 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
     # Before the folder is made, so that a refusal leaves none behind.
     if not force:
         _refuse_other(path, identity)
-    path.mkdir(parents=True, exist_ok=True)
-    from filelock import FileLock, Timeout
-
-    # Not the thread's own: a notebook may begin a search in one thread and end it in another.
-    lock = FileLock(path / LOCK, thread_local=False)
-    try:
-        lock.acquire(blocking=False)
-    except Timeout as error:
-        raise InputError(
-            f"{path}: another search is writing to this folder, choose another (--out) or wait for its end"
-        ) from error
-    try:
+    busy = f"{path}: another search is writing to this folder, choose another (--out) or wait for its end"
+    with holding(path / LOCK, busy):
         try:
             _refuse_other(path, identity)  # another may have begun since
         except InputError:
@@ -76,8 +66,6 @@ def run_folder(path: Path, identity: Mapping[str, Any], *, force: bool = False) 
         # Before any output: what lies here is never without a word on whose it is.
         write_text(path / SEARCH, json.dumps(identity, indent=1) + "\n")
         yield RunFolder(path)
-    finally:
-        lock.release()
 
 
 def refuse_unclaimed(path: Path) -> None:

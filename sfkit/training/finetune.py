@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
+import contextlib
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from importlib.metadata import version
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -28,18 +27,17 @@ from sfkit.datasets.benchmark_record import Benchmark
 from sfkit.datasets.training_set import TrainingSet
 from sfkit.errors import InputError
 from sfkit.evaluation.separation import seen_in_training
-from sfkit.files import write_text
+from sfkit.files import holding
 from sfkit.merging.members import SEEN, PoolOpener
 from sfkit.merging.network import load_network
 from sfkit.merging.tensor_specs import tensor_specs
 from sfkit.outside import parse_json
 from sfkit.training.loop import Course, Listener, TrainingTask, train
-from sfkit.training.places import TRAINED, training_folder
+from sfkit.training.places import LOCK, TRAINED, training_folder
 from sfkit.training.recipes import TrainingRecipe, training_recipe
+from sfkit.training.record import recording, write_record
 from sfkit.training.scoring import scorer_of
 from sfkit.training.settings import TrainingSettings
-
-COLUMNS = ("step", "loss", "gradient_norm", "rate")
 
 
 @dataclass(frozen=True)
@@ -122,50 +120,59 @@ def finetune(
         listen: called after every step.
 
     Raises:
-        InputError: files, settings or states that cannot be used, or too many pairs that cannot be read.
+        InputError: files, settings or states that cannot be used, too many pairs that cannot be read, or
+            another process that trains to ``out``.
         SfkitError: the loss is no longer finite.
     """
     settings = settings or TrainingSettings()
     out = check_target(out, form, overwrite=overwrite)
-    start = starting_point(base, name=name, options=options, seed=settings.seed)
-    entry, network = start.entry, start.network
-    recipe = training_recipe(network, settings.limit)
-    for key, parameter in network.named_parameters():
-        parameter.requires_grad_(
-            not (entry.is_frozen(key) or any(fnmatchcase(key, dead) for dead in entry.dead))
+    with _alone(out):
+        check_target(out, form, overwrite=overwrite)  # who was here may have ended with the file
+        start = starting_point(base, name=name, options=options, seed=settings.seed)
+        entry, network = start.entry, start.network
+        recipe = training_recipe(network, settings.limit)
+        for key, parameter in network.named_parameters():
+            parameter.requires_grad_(
+                not (entry.is_frozen(key) or any(fnmatchcase(key, dead) for dead in entry.dead))
+            )
+        made = _made(start, data, settings, recipe, licence)
+        folder = training_folder(out)
+        task = TrainingTask(
+            network=network,
+            inputs=entry.inputs(start.options),
+            objective=recipe.objective,
+            groups=recipe.groups(network, settings.rate or recipe.rate, settings.weight_decay),
+            limit=recipe.limit,
+            steady=recipe.steady,
+            pairs=data.pairs,
+            settings=settings,
+            folder=folder,
+            # All that decides the result: a state of anything else is refused.
+            identity=hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest(),
+            device=torch.device(device),
         )
-    made = _made(start, data, settings, recipe, licence)
-    folder = training_folder(out)
-    task = TrainingTask(
-        network=network,
-        inputs=entry.inputs(start.options),
-        objective=recipe.objective,
-        groups=recipe.groups(network, settings.rate or recipe.rate, settings.weight_decay),
-        limit=recipe.limit,
-        pairs=data.pairs,
-        settings=settings,
-        folder=folder,
-        # All that decides the result: a state of anything else is refused.
-        identity=hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest(),
-        device=torch.device(device),
-    )
-    score = None if validation is None else scorer_of(validation, task.inputs, task.device)
-    course = train(task, _recording(folder, listen), score)
-    result = _result(out, course, settings)
-    if not dist.is_initialized() or dist.get_rank() == 0:
-        # The checkpoint comes last: where it is, curve and record are, too.
-        _finish(folder, course, made, result)
-        metadata = {
-            TRAINED: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True),
-            # For searches that would validate on them.
-            SEEN: seen_in_training(data.pairs),
-        }
-        write_checkpoint(
-            out, network.state_dict(), layout=start.layout, metadata=metadata, form=form, overwrite=overwrite
-        )
-        for state in folder.glob("state-*.pt"):
-            state.unlink()
-    return result
+        score = None if validation is None else scorer_of(validation, task.inputs, task.device)
+        course = train(task, recording(folder, listen), score)
+        result = _result(out, course, settings)
+        if _is_first():
+            # The checkpoint comes last: where it is, curve and record are, too.
+            write_record(folder, course, {**made, **_cost(result)})
+            metadata = {
+                TRAINED: json.dumps({**made, "broken": len(course.broken)}, sort_keys=True),
+                # For searches that would validate on them.
+                SEEN: seen_in_training(data.pairs),
+            }
+            write_checkpoint(
+                out,
+                network.state_dict(),
+                layout=start.layout,
+                metadata=metadata,
+                form=form,
+                overwrite=overwrite,
+            )
+            for state in folder.glob("state-*.pt"):
+                state.unlink()
+        return result
 
 
 def intended(
@@ -250,38 +257,24 @@ def starting_point(
     return StartingPoint(entry, chosen, loaded.network, file.layout, origin)
 
 
-def _recording(folder: Path, listen: Listener | None) -> Listener:
-    """Keep ``training.csv`` beside the states, so that a running training can be watched."""
-    written = 0
-
-    def record(course: Course) -> None:
-        nonlocal written
-        # Not at every step: the file is written whole each time.
-        if course.done - written >= 50 or course.done == course.steps:
-            written = course.done
-            write_curve(folder, course)
-        if listen is not None:
-            listen(course)
-
-    return record
+@contextlib.contextmanager
+def _alone(out: Path) -> Iterator[None]:
+    """Refuse a second training to the same file; of several processes of one the first speaks for all."""
+    if not _is_first():
+        yield
+        return
+    busy = f"{out}: another process is training it, wait for its end or give another output"
+    with holding(training_folder(out) / LOCK, busy):
+        yield
 
 
-def write_curve(folder: Path, course: Course) -> None:
-    """Write ``training.csv``: a row a step, with the validation metric where one was taken."""
-    scores = {int(step): score for step, score, *_ in course.scores}
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*COLUMNS, "validation"])
-    for step, *numbers in course.curve:
-        writer.writerow([int(step), *numbers, scores.get(int(step), "")])
-    write_text(folder / "training.csv", text.getvalue())
+def _is_first() -> bool:
+    return not dist.is_initialized() or dist.get_rank() == 0
 
 
-def _finish(folder: Path, course: Course, made: Mapping[str, Any], result: TrainedSource) -> None:
-    write_curve(folder, course)
-    cost = {"seconds": round(result.seconds, 1), "cpu_seconds": round(result.cpu_seconds, 1)}
-    record = {**made, **cost, "loss": result.loss, "broken": dict(course.broken)}
-    write_text(folder / "training.json", json.dumps(record, indent=2, sort_keys=True) + "\n")
+def _cost(result: TrainedSource) -> dict[str, float]:
+    seconds, cpu = round(result.seconds, 1), round(result.cpu_seconds, 1)
+    return {"seconds": seconds, "cpu_seconds": cpu, "loss": result.loss}
 
 
 def _result(out: Path, course: Course, settings: TrainingSettings) -> TrainedSource:

@@ -76,7 +76,11 @@ class _Terms(nn.Module):
 
 @dataclass(frozen=True)
 class TrainingTask:
-    """All that a training is made of; ``identity`` names it in its state files."""
+    """All that a training is made of; ``identity`` names it in its state files.
+
+    ``steady`` says that every pass uses the same parameters, which spares several processes from looking for
+    unused ones at each.
+    """
 
     network: nn.Module
     inputs: InputConvention
@@ -87,6 +91,7 @@ class TrainingTask:
     settings: TrainingSettings
     folder: Path
     identity: str
+    steady: bool = False
     device: torch.device = field(default_factory=lambda: torch.device("cpu"))
 
 
@@ -154,7 +159,8 @@ class _Training:
         if self.world > 1:
             dist.all_reduce(counts)
         if self.world > 1 and not isinstance(self.terms, DistributedDataParallel):
-            unused = self._has_unused(parts[0], counts)
+            # What a network decides in its forward pass, it may decide otherwise later.
+            unused = not task.steady or self._has_unused(parts[0], counts)
             self.terms = DistributedDataParallel(self.terms, find_unused_parameters=unused)
         self.optimiser.zero_grad()
         total = torch.zeros((), dtype=torch.float64, device=task.device)

@@ -36,12 +36,14 @@ class TrainingRecipe:
         rate: peak learning rate.
         limit: truth of so many pixels and more does not count; the objective may have further limits.
         groups: network, rate, decay -> parameter groups, each with its own peak.
+        steady: whether every pass is known to use the same parameters.
     """
 
     objective: Objective
     rate: float
     limit: float
     groups: Callable[[nn.Module, float, float], Groups]
+    steady: bool = False
 
 
 def training_recipe(network: nn.Module, limit: float | None = None) -> TrainingRecipe:
@@ -59,12 +61,12 @@ def training_recipe(network: nn.Module, limit: float | None = None) -> TrainingR
     """
     if isinstance(network, AnyNet):
         objective: Objective = SequenceObjective(_stages, lambda n: ANYNET_WEIGHTS[:n])
-        return TrainingRecipe(objective, 5e-4, limit or 192.0, one_group)
+        return TrainingRecipe(objective, 5e-4, limit or 192.0, one_group, steady=True)
     if isinstance(network, NMRF):
         objective = NmrfObjective(network.dpn.bins, limit or nmrf.TRAINING_LIMIT)
-        return TrainingRecipe(objective, nmrf.FINE_TUNING_RATE, math.inf, _nmrf_groups)
+        return TrainingRecipe(objective, nmrf.FINE_TUNING_RATE, math.inf, _nmrf_groups, steady=True)
     if isinstance(network, FoundationStereo):
-        return TrainingRecipe(FoundationStereoObjective(), 1e-5, limit or 416.0, one_group)
+        return TrainingRecipe(FoundationStereoObjective(), 1e-5, limit or 416.0, one_group, steady=True)
     own = getattr(network, "loss", None)
     if own is not None and not callable(own):
         raise InputError(f"{type(network).__name__}: its loss is {own!r}, expected loss(left, right, truth)")

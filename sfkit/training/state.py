@@ -53,6 +53,12 @@ def last_state(folder: Path, identity: str) -> dict[str, Any] | None:
     return None
 
 
+def saved_step(folder: Path) -> int | None:
+    """The step of the newest state, which is not opened; None where there is none."""
+    states = _states(folder)
+    return int(states[-1].stem.removeprefix("state-")) if states else None
+
+
 def _states(folder: Path) -> list[Path]:
     if not folder.is_dir():
         return []

@@ -30,7 +30,7 @@ from sfkit.factory import (
     write_example,
 )
 from sfkit.factory.running import warn_of_seen_pairs
-from sfkit.factory.standing import DONE, MISSING, RUNNING, STALE
+from sfkit.factory.standing import DONE, INTERRUPTED, MISSING, STALE
 from sfkit.files import default_folder
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook
@@ -70,10 +70,19 @@ def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
         ["far-scene", "done"],
         ["joint", "done"],
     ]
-    took = f"the last one took {made.costs[3].seconds:.0f} s"
-    assert listed.splitlines()[4] == f"search: at most 1 evaluations on courtyard; {took}"
+    took = f"it took {made.costs[3].seconds:.0f} s"
+    assert listed.splitlines()[4:] == [f"search: done, at most 1 evaluations on courtyard; {took}"]
 
-    grown = run(read_factory(write(tmp_path, "haze", "far-scene", "thin-things")))
+    path = write(tmp_path, "haze", "far-scene", "thin-things")
+    told = json.loads(CliRunner().invoke(app, ["factory", "status", str(path), "--json"]).stdout)
+    expected, search = told["networks"][2], told["search"]
+    assert (expected["state"], expected["done"], expected["steps"]) == ("missing", 0, 2)
+    # All three are trained alike: by the mean pace of those that are done, which is that of the other two.
+    assert expected["left"] == pytest.approx((seconds[0] + seconds[1]) / 2)
+    assert search["state"] == "stale"
+    assert search["seconds"] == pytest.approx(search["evaluations"] * search["each"])
+    assert search["each"] == pytest.approx(seconds[3] / made.costs[3].passes), "one pair guides"
+    grown = run(read_factory(path))
     assert grown.trained == ("thin-things",)
     assert 0 < grown.evaluated <= 4 + 4 + 3  # a population, its offspring and what the test adds
     assert grown.scores["haze"] == made.scores["haze"]
@@ -96,9 +105,15 @@ def test_a_factory_runs_goes_on_and_grows(tmp_path: Path) -> None:
 def test_other_data_and_another_base_make_a_source_stale_and_unknown_seconds_are_said(tmp_path: Path) -> None:
     path = write(tmp_path, "haze")
     listed = CliRunner().invoke(app, ["factory", "status", str(path)]).stdout.splitlines()
-    assert listed[1].split() == ["haze", "missing", "2", "unknown"]
-    assert listed[2].startswith("seconds are unknown until one network is trained")
-    assert listed[3].endswith("on courtyard; its seconds are unknown until it has run")
+    assert listed[1].split() == ["haze", "missing", "2", "0", "unknown", "unknown"]
+    assert listed[2].startswith("search: missing, at most 0 evaluations on courtyard; its seconds")
+    assert listed[3].startswith("what is unknown is known once a training, or the search, has taken")
+    told = CliRunner().invoke(app, ["factory", "status", str(path), "--measure", "--json"])
+    (expected,), search = (json.loads(told.stdout)[key] for key in ("networks", "search"))
+    assert expected["left"] == expected["seconds"] > 0
+    assert search["each"] > 0
+    assert search["seconds"] == 0.0, "one source leaves no subset to look for"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["base.safetensors", "factory.toml"]
 
     (item,) = status(read_factory(path))
     item.file.parent.mkdir()
@@ -135,7 +150,7 @@ def test_a_source_that_was_begun_goes_on_where_it_was(tmp_path: Path) -> None:
             settings=order.settings,
             listen=stop,
         )
-    assert [item.state for item in status(factory)] == [RUNNING, MISSING]
+    assert [item.state for item in status(factory)] == [INTERRUPTED, MISSING]
     run(factory)
     whole = tmp_path / "whole.safetensors"
     finetune(

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -30,9 +31,10 @@ NAME, OPTIONS = "anynet", {"ranges": [2, 2, 2], "spn": False}
 STEPS = SETTINGS.steps(8)
 # Clipped gradients come near Adam's epsilon on this hardly trained base, which then turns rounding to steps.
 DIVIDED = replace(SETTINGS, clip=0.0, rate=1e-4)
+BRIGHT = 0.55  # mean of a view, in the standard deviations it is normalised by
 
 
-IDLE = "idle-net"
+IDLE, FICKLE = "idle-net", "fickle-net"
 
 
 @sfkit.register_architecture(IDLE, blocks={"all": ["*"]}, version="1")
@@ -48,6 +50,23 @@ class Idle(torch.nn.Module):
         """(B, H, W) px."""
         found: torch.Tensor = self.level(torch.cat([left, right], dim=1))
         return found[:, 0]
+
+
+@sfkit.register_architecture(FICKLE, blocks={"all": ["*"]}, version="1")
+class Fickle(Idle):
+    """One that passes bright views alone through its second layer."""
+
+    used: ClassVar[list[bool]] = []
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.unused = torch.nn.Conv2d(1, 1, 3, padding=1)
+
+    def forward(self, left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+        """(B, H, W) px."""
+        found = super().forward(left, right)
+        self.used.append(bool(left.mean() > BRIGHT))
+        return self.unused(found[:, None])[:, 0] if self.used[-1] else found
 
 
 class KilledError(Exception):
@@ -154,6 +173,18 @@ def test_two_processes_equal_one_where_a_parameter_is_never_used(tmp_path: Path)
     drawn = Idle().state_dict()
     moved = {key for key, value in load_file(out).items() if not torch.equal(value, drawn[key])}
     assert moved == {"level.weight", "level.bias"}
+
+
+def test_two_processes_equal_one_where_a_parameter_is_used_by_some_passes(tmp_path: Path) -> None:
+    """The first pass uses all of them, and so would say that none is ever without a gradient."""
+    settings = replace(DIVIDED, micro_batch=1)
+    Fickle.used.clear()
+    alone = finetune(None, tiny_set(), tmp_path / "one.safetensors", name=FICKLE, settings=settings)
+    by_step = np.reshape(Fickle.used, (STEPS, settings.batch))
+    assert by_step[0, :2].all(), "what either process sees first"
+    assert not by_step.all(axis=1)[1:].any()
+    train_in_two_processes(out := tmp_path / "two.safetensors", FICKLE)
+    assert largest_difference(alone.path, out) < 1e-6
 
 
 def test_frozen_batch_norm_keeps_the_statistics_of_the_base(base: Path, tmp_path: Path) -> None:
@@ -283,8 +314,8 @@ def train(base: str, out: str, stop: int) -> None:
             os.kill(os.getpid(), signal.SIGKILL)
 
     settings = DIVIDED if dist.is_initialized() else SETTINGS
-    if base == IDLE:
-        finetune(None, tiny_set(), out, name=IDLE, settings=replace(settings, micro_batch=1))
+    if base in (IDLE, FICKLE):
+        finetune(None, tiny_set(), out, name=base, settings=replace(settings, micro_batch=1))
     else:
         finetune(base, tiny_set(), out, settings=settings, listen=listen, overwrite=True)
     if dist.is_initialized():
