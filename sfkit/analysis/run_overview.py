@@ -105,7 +105,7 @@ COLUMNS = (
 def run_cells(folder: str, metric: str, stage: StageOverview) -> list[tuple[str, float | str]]:
     """A row of the table: what each cell says, and what its column is sorted by; infinite where unknown."""
     run = stage.run
-    score = ("none yet", math.inf) if run.score is None else (f"{run.score:.4f}", run.score)
+    score = ("none yet", math.inf) if run.score is None else (f"{run.score:.2f}", run.score)
     counts = [_counted(run.counts.get(name)) for name in ("distinct", "cached", "seconds", "cpu_seconds")]
     return [
         (folder, folder),

@@ -178,7 +178,7 @@ def _text(evaluators: Sequence[Evaluator], combine: str, run: BaselineRun) -> st
     rule = f", the {combine} of them" if len(guides) > 1 else ""
     head = f"{LABEL if unlike else evaluators[0].metric} on {', '.join(guides)}{rule}: what tunes them"
     lines = [
-        f"{label:24s} {row['validation']:9.4f} {unit}  {row['evaluations']:5d} evaluations"
+        f"{label:24s} {row['validation']:9.3f} {unit}  {row['evaluations']:5d} evaluations"
         f" {row['wall seconds']:8.1f} s ({_seconds(row['CPU seconds'])} of CPU)"
         f"  {', '.join(filter(None, (row['chosen'], row['note'])))}".rstrip()
         for label, row in baseline_table(run).iterrows()

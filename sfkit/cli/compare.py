@@ -164,7 +164,7 @@ def _lines(
     where = f"protocol {benchmark.protocol} on {benchmark.name} ({benchmark.coverage})"
     return [
         f"{', '.join(metrics)} under {where}",
-        *tables.lines(("network", *heads), rows, digits=dict.fromkeys(heads, 4)),
+        *tables.lines(("network", *heads), rows, digits=dict.fromkeys(heads, 3)),
         *(f"{metric}: {one.network} is {one}" for metric, one in zip(metrics, found, strict=True)),
         *([] if maps is None else [f"maps: {maps}"]),
     ]

@@ -173,7 +173,7 @@ def _text(evaluator: Evaluator, scores: pd.DataFrame, images: pd.DataFrame | Non
         for key, values in rows.items()
         if failed[key[0]] is None
     ]
-    table = tables.lines((*keys, *heads), cells, digits=dict.fromkeys(heads, 4)) if cells else []
+    table = tables.lines((*keys, *heads), cells, digits=dict.fromkeys(heads, 3)) if cells else []
     return "\n".join([head, *table, *_notes(scores)])
 
 

@@ -46,7 +46,7 @@ def list_runs(
     heads = ("run", "stage", "state", "benchmark", "metric", "best", "scored", "seconds", "CPU s")
     keys = {"scored": "evaluations", "CPU s": "cpu_seconds"}
     values = [[row[keys.get(head, head)] for head in heads] for row in rows]
-    text = "\n".join(tables.lines(heads, values, digits={"best": 4, "seconds": 1, "CPU s": 1}))
+    text = "\n".join(tables.lines(heads, values, digits={"best": 2, "seconds": 0, "CPU s": 0}))
     text = text if rows else f"{root}: no search has left a journal here"
     emit({"root": root, "runs": rows}, text, as_json=json)
 
@@ -94,7 +94,7 @@ def show(folder: Folder, json: JsonOption = False) -> None:
     run = read_run(folder)
     lines = [f"{run.folder}"]
     for stage in run.stages:
-        best = "nothing yet" if stage.score is None else f"{stage.score:.4f} ({', '.join(stage.subset)})"
+        best = "nothing yet" if stage.score is None else f"{stage.score:.2f} ({', '.join(stage.subset)})"
         lines.append(
             f"{stage.stage}: {stage.state.value}{f' ({stage.reason})' if stage.reason else ''}, best {best}"
         )

@@ -263,16 +263,16 @@ def _text(found: SearchResult, metric: Metric | None, counts: Mapping[str, Any])
     from sfkit.evaluation.combining import LABEL
 
     unit = "" if metric is None else metric.unit
-    lines = [f"best {metric or LABEL}: {found.score:.4f} {unit}"]
+    lines = [f"best {metric or LABEL}: {found.score:.2f} {unit}"]
     if found.averaged is not None and found.recipe == found.averaged.recipe:
         wins, draws = found.averaged.wins, found.averaged.resamples
         lines = [
-            f"averaged winner, {metric or LABEL}: {found.averaged.score:.4f} {unit}  "
+            f"averaged winner, {metric or LABEL}: {found.averaged.score:.2f} {unit}  "
             f"({len(wins)} candidates win {draws} resamples)"
         ]
     for stage, best in (("Stage 1", found.stage1), ("Stage 2", found.stage2)):
         if best is not None:
-            lines.append(f"  {stage}: {best.score:.4f} {unit}  {', '.join(best.subset)}")
+            lines.append(f"  {stage}: {best.score:.2f} {unit}  {', '.join(best.subset)}")
     return "\n".join([*lines, *recipe_lines(found.recipe), _saved(counts), f"wrote {found.merged}"])
 
 

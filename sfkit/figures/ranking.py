@@ -77,8 +77,12 @@ def _dots(figure: go.Figure, one: Ranking, col: int) -> None:
 def _answer(rankings: Sequence[Ranking]) -> str:
     found = [one.agreement.correlation for one in rankings]
     worst = max(rankings, key=lambda one: one.agreement.regret)
+    by = f"by {worst.agreement.regret:.2f} {points(worst.metric.unit)}"
+    if len(rankings) == 1:
+        picks = f"misses the best {by}" if worst.agreement.regret else "picks the best"
+        return f"rank correlation {found[0]:.2f}; it {picks}"
     hit = sum(one.agreement.regret == 0 for one in rankings)
     return (
         f"rank correlations {np.nanmin(found):.2f} to {np.nanmax(found):.2f}; it picks the best on {hit} of "
-        f"{len(rankings)}, at most {worst.agreement.regret:.2f} {points(worst.metric.unit)} worse"
+        f"{len(rankings)}, and misses it {by} at most"
     )

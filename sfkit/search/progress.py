@@ -91,7 +91,7 @@ def best_of(search: Search[Any]) -> Best | None:
 def generation_note(generation: Generation[Any]) -> str:
     """The best so far, such as ``best 12.3456 (kitti, indoor)``."""
     best = generation.best
-    return "best none yet" if best is None else f"best {best.score:.4f} ({', '.join(best.subset)})"
+    return "best none yet" if best is None else f"best {best.score:.2f} ({', '.join(best.subset)})"
 
 
 def last_generation(search: Search[Any]) -> int | None:

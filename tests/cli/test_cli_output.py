@@ -81,7 +81,7 @@ def test_evaluate(shell: Shell, world: Path) -> None:
     with EvaluationStore(world / "s.sqlite") as store:
         assert len(store) == 8, "the uniform merge is the subset of all"
     text, progress = shell(line)
-    assert re.search(rf"^base +{scores['base']:.4f}$", text, re.MULTILINE)
+    assert re.search(rf"^base +{scores['base']:.3f}$", text, re.MULTILINE)
     assert text.splitlines()[1].split() == ["network", "bad-1.0", "[%]"]
     assert max(map(len, text.splitlines())) <= 80
     assert "bad-1.0 under protocol all-valid on pairs (2 pairs)" in text
@@ -119,7 +119,7 @@ def test_baselines(shell: Shell, world: Path) -> None:
     assert again["score"] == rows["ties"]["score"], "the recipe rebuilds the network that was scored"
     text, progress = shell(line)
     assert "epe on pairs (protocol all-valid): what tunes them" in text
-    assert f"{rows['ties']['score']:.4f} px" in next(t for t in text.splitlines() if t.startswith("TIES"))
+    assert f"{rows['ties']['score']:.3f} px" in next(t for t in text.splitlines() if t.startswith("TIES"))
     assert "4 of 4 methods done" in progress
 
 
@@ -237,7 +237,7 @@ def test_search(shell: Shell, world: Path) -> None:
     assert "cost: at most 10 evaluations of 2 pairs" in progress, "4 subsets exist of 3 sources, and 6"
     assert "verdict: at most 0 evaluations more, 0 image pairs" in progress, "all are in the store by now"
     assert "few pairs: what Stage 2 gains on 2 need not show elsewhere" in progress
-    assert f"best epe: {document['score']:.4f} px" in text
+    assert f"best epe: {document['score']:.2f} px" in text
 
 
 def test_a_search_averages_the_winners_of_resamples(shell: Shell, world: Path) -> None:
@@ -254,7 +254,7 @@ def test_a_search_averages_the_winners_of_resamples(shell: Shell, world: Path) -
     assert [row.split()[0] for row in text.splitlines()[2:8]] == [
         *("base", "best", "uniform", "Stage", "Stage", "averaged")
     ]
-    assert f"averaged winner, epe: {document['score']:.4f} px" in text
+    assert f"averaged winner, epe: {document['score']:.2f} px" in text
     assert "candidates win 30 resamples)" in text
     _, refusal = shell(f"{line} --shrinkage 0.1 --force", code=2)
     assert "resamples: found shrinkage 0.1" in refusal
@@ -348,7 +348,7 @@ def test_weights_that_overflow_score_as_wrong_everywhere(shell: Shell, world: Pa
     }
     save_file(huge, world / "pool" / "a.safetensors")
     text, errors = shell(f"evaluate pool {PAIRS} --subset kitti --metric bad-1.0")
-    assert re.search(r"^kitti +100\.0000$", text, re.MULTILINE)
+    assert re.search(r"^kitti +100\.000$", text, re.MULTILINE)
     assert text.endswith("kitti: not finite on 2 of 2 images\n")
     assert errors.count("warning: ") == 1
 

@@ -29,7 +29,7 @@ def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:
     assert {row["benchmark"] for row in rows} == {"pairs"}
     text, _ = shell("runs list runs")
     assert max(map(len, text.splitlines())) <= 80
-    assert f"{rows[0]['best']:.4f}" in text.splitlines()[1]
+    assert f"{rows[0]['best']:.2f}" in text.splitlines()[1]
     text, _ = shell("runs diff runs/0 runs/1")
     assert max(map(len, text.splitlines())) <= 80
     assert shell.json("runs page runs -o runs.html")["runs"] == 2
@@ -38,7 +38,7 @@ def test_what_searches_did_is_listed_shown_and_compared(shell: Shell) -> None:
     text, _ = shell("runs show runs/0")
     assert shell("show runs/0")[0] == text, "a search's folder shows itself"
     (line,) = (line for line in text.splitlines() if line.startswith("Stage 2: finished"))
-    assert f"best {found[0]['score']:.4f} (" in line
+    assert f"best {found[0]['score']:.2f} (" in line
     differences = {
         (row["stage"], row["what"]): row for row in shell.json("runs diff runs/0 runs/1")["differences"]
     }

@@ -45,11 +45,11 @@ def _says(told: Predictions) -> str:
         return f"{knew}No proposal has a score yet."
     found = calibration(told, (LEVEL,))
     (low, high), covered = found.honest[0], found.coverage[0]
-    word = "fewer than" if covered < low else "more than" if covered > high else "as many as"
+    word = "too few" if covered < low else "too many" if covered > high else "which chance allows"
     failed = f"; {found.failed} failed" if found.failed else ""
     return (
-        f"{knew}Its 95 % intervals hold {100 * covered:.0f} % of {len(found.score)} measured scores, {word} "
-        f"they should; measured - predicted is {found.error:+.2g} at the mean{failed}."
+        f"{knew}Its 95 % intervals hold {100 * covered:.0f} % of {len(found.score)} measured scores, {word}; "
+        f"measured - predicted is {found.error:+.2g} at the mean{failed}."
     )
 
 
