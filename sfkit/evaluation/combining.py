@@ -186,6 +186,27 @@ def evaluators_of(scorer: Scorer) -> tuple[Evaluator, ...]:
     return tuple(part for part in parts if isinstance(part, Evaluator))
 
 
+def only_evaluators(scorer: Scorer) -> tuple[Evaluator, ...]:
+    """The evaluators of a scorer that is made of nothing else; none of any other."""
+    found = evaluators_of(scorer)
+    parts = len(scorer.evaluators) if isinstance(scorer, CombinedScorer) else 1
+    return found if len(found) == parts else ()
+
+
+def evaluators_for(setting: str, scorer: Scorer) -> tuple[Evaluator, ...]:
+    """The evaluators of a scorer that knows its images, as ``setting`` wants it.
+
+    Raises:
+        InputError: a scorer of another kind.
+    """
+    if known := only_evaluators(scorer):
+        return known
+    raise InputError(
+        f"{setting}: found a scorer of the kind {type(scorer).__name__}, expected an Evaluator or a "
+        f"CombinedScorer of them, which know their images: leave {setting} at 0"
+    )
+
+
 def combined(evaluators: Sequence[Evaluator], how: str = "mean") -> Evaluator | CombinedScorer:
     """What validation benchmarks say together: of one it is the evaluator itself."""
     return evaluators[0] if len(evaluators) == 1 else CombinedScorer(evaluators, how)

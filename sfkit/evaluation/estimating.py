@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sfkit.errors import InputError
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import CombinedScorer, only_evaluators
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.merging.recipe import Recipe
 
@@ -54,9 +54,8 @@ def estimate(scorer: Evaluator | CombinedScorer, recipe: Recipe, evaluations: in
     Raises:
         InputError: a combination of scorers that are no evaluators, which tell no number of pairs.
     """
-    evaluators = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    known = [evaluator for evaluator in evaluators if isinstance(evaluator, Evaluator)]
-    if len(known) < len(evaluators):
+    known = only_evaluators(scorer)
+    if not known:
         raise InputError(
             "estimate: found a scorer that is no Evaluator, expected evaluators, which know pairs"
         )

@@ -92,16 +92,9 @@ def held_out(scorer: Scorer, holdout: float, seed: int = 0) -> Scorer:
     check_holdout("holdout", holdout)
     if holdout == 0:
         return scorer
-    from sfkit.evaluation.combining import CombinedScorer
-    from sfkit.evaluation.evaluator import Evaluator
+    from sfkit.evaluation.combining import CombinedScorer, evaluators_for
 
-    evaluators = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    known = [evaluator for evaluator in evaluators if isinstance(evaluator, Evaluator)]
-    if len(known) < len(evaluators):
-        raise InputError(
-            f"holdout: found a scorer of the kind {type(scorer).__name__}, expected an Evaluator or a "
-            "CombinedScorer of them, which know their images: leave holdout at 0"
-        )
+    known = evaluators_for("holdout", scorer)
     sizes = [len(evaluator.benchmark) for evaluator in known]
     if sum(sizes) < LEAST:
         pairs = f"{sum(sizes)} validation pair{'s' * (sum(sizes) > 1)}"

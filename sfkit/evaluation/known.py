@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sfkit.checkpoints.fingerprints import text_digest
-from sfkit.evaluation.combining import CombinedScorer
+from sfkit.evaluation.combining import CombinedScorer, only_evaluators
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Scorer
 from sfkit.evaluation.store import BASELINE, HAND_EDIT, Evaluation, EvaluationStore
@@ -49,9 +49,8 @@ def known_evaluations(pool: Pool, scorer: Scorer, search: Mapping[str, Any]) -> 
     Returns:
         In the order of writing; of several benchmarks what is known on all of them.
     """
-    parts = scorer.evaluators if isinstance(scorer, CombinedScorer) else (scorer,)
-    evaluators = [part for part in parts if isinstance(part, Evaluator)]
-    if not evaluators or len(evaluators) < len(parts):
+    evaluators = only_evaluators(scorer)
+    if not evaluators:
         return ()
     identity = {
         "search": dict(search),

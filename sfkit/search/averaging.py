@@ -20,7 +20,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from sfkit.errors import InputError
-from sfkit.evaluation.combining import CombinedScorer, evaluators_of
+from sfkit.evaluation.combining import CombinedScorer, evaluators_for
 from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
@@ -163,12 +163,7 @@ def check_averaging(scorer: Scorer) -> tuple[Evaluator, ...]:
     Raises:
         InputError: a scorer that does not know its images, or a single pair.
     """
-    known = evaluators_of(scorer)
-    if len(known) < (len(scorer.evaluators) if isinstance(scorer, CombinedScorer) else 1):
-        raise InputError(
-            f"resamples: found a scorer of the kind {type(scorer).__name__}, expected an Evaluator or a "
-            "CombinedScorer of them, which know their images: leave resamples at 0"
-        )
+    known = evaluators_for("resamples", scorer)
     if sum(len(one.benchmark) for one in known) < FEWEST_PAIRS:
         raise InputError(
             f"resamples: found one validation pair, expected at least {FEWEST_PAIRS} to draw resamples of: "
