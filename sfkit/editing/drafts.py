@@ -91,12 +91,9 @@ class RoutingDraft:
                 f"recipe: has the blocks {', '.join(recipe.blocks)}, expected {', '.join(self.blocks)}: "
                 "use a recipe of the same partition"
             )
-        rows, scales = [], []
-        for block in self.blocks:
-            weights, scale = recipe.of(block)
-            rows.append(tuple(weights.get(source, 0.0) for source in self.sources))
-            scales.append(self._in_range(block, scale))
-        taken = routed(self.sources, self.blocks, rows, scales)
+        rows, scales = recipe.over(self.sources, self.blocks)
+        checked = list(map(self._in_range, self.blocks, scales))
+        taken = routed(self.sources, self.blocks, rows, checked)
         return replace(self, recipe=taken, tied=self.tied and taken.tied, locked=frozenset(), gone={})
 
     def reset(self) -> RoutingDraft:

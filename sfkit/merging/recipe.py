@@ -119,6 +119,14 @@ class Recipe:
         b = self.blocks.index(block)
         return dict(zip(self.sources, self.weights[b], strict=True)), self.scales[b]
 
+    def over(
+        self, sources: Sequence[str], blocks: Sequence[str]
+    ) -> tuple[tuple[tuple[float, ...], ...], tuple[float, ...]]:
+        """Rows of weights and scales in the order of other sources and blocks; an absent source weighs 0."""
+        parts = [self.of(block) for block in blocks]
+        rows = tuple(tuple(weights.get(source, 0.0) for source in sources) for weights, _ in parts)
+        return rows, tuple(scale for _, scale in parts)
+
     def canonical(self, identity: Mapping[str, str], partition: str) -> dict[str, Any]:
         """What of this recipe decides the merged network, as plain values in one fixed order.
 

@@ -192,12 +192,7 @@ class Encoding:
                 f"{argument}: found blocks {list(recipe.blocks)}, expected {list(self.blocks)}: "
                 "use a recipe of the same partition"
             )
-        rows, scales = [], []
-        for block in self.blocks:
-            weights, scale = recipe.of(block)
-            rows.append(tuple(weights.get(source, 0.0) for source in self.sources))
-            scales.append(scale)
-        admitted = Recipe(self.sources, self.blocks, tuple(rows), tuple(scales))
+        admitted = Recipe(self.sources, self.blocks, *recipe.over(self.sources, self.blocks))
         self._check(admitted, argument)
         return admitted
 

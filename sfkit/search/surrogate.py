@@ -111,17 +111,12 @@ def rows_and_scales(
     recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]
 ) -> tuple[Array, Array]:
     """Routing weights (m, B, N) and module scales (m, B) of recipes over some of these sources."""
-    rows: list[list[list[float]]] = []
-    scales: list[list[float]] = []
-    for recipe in recipes:
-        # By name: a recipe may list its blocks in an order of its own.
-        parts = [recipe.of(block) for block in blocks]
-        rows.append([[weights.get(source, 0.0) for source in sources] for weights, _ in parts])
-        scales.append([scale for _, scale in parts])
-    return (
-        np.array(rows, dtype=np.float64).reshape(len(rows), len(blocks), len(sources)),
-        np.array(scales, dtype=np.float64).reshape(len(rows), len(blocks)),
-    )
+    # By name: a recipe may list its blocks in an order of its own.
+    parts = [recipe.over(sources, blocks) for recipe in recipes]
+    rows, scales = (np.array([part[n] for part in parts], dtype=np.float64) for n in (0, 1))
+    # Of no recipe at all the axes are there too.
+    shape = (len(parts), len(blocks), len(sources))
+    return rows.reshape(shape), scales.reshape(shape[:2])
 
 
 @dataclass(frozen=True)
