@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -45,10 +45,15 @@ def list_runs(
     ]
     heads = ("run", "stage", "state", "benchmark", "metric", "best", "scored", "seconds", "CPU s")
     keys = {"scored": "evaluations", "CPU s": "cpu_seconds"}
-    values = [[row[keys.get(head, head)] for head in heads] for row in rows]
+    # Under its head the number says it: eighty columns are few.
+    values = [[_brief(head, row[keys.get(head, head)]) for head in heads] for row in rows]
     text = "\n".join(tables.lines(heads, values, digits={"best": 2, "seconds": 0, "CPU s": 0}))
     text = text if rows else f"{root}: no search has left a journal here"
     emit({"root": root, "runs": rows}, text, as_json=json)
+
+
+def _brief(head: str, value: Any) -> Any:
+    return value.removeprefix("Stage ") if head == "stage" else value
 
 
 @app.command("page")
