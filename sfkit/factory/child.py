@@ -22,6 +22,7 @@ def main() -> int:
     file, name, device = sys.argv[1:]
     threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
+        # The parent passes each line on as it comes.
         train_one(read_factory(file), name, device, lambda line: print(line, flush=True))
     except SfkitError as error:
         print(error, flush=True)

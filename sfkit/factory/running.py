@@ -114,6 +114,7 @@ def run(
         SfkitError: a training failed.
     """
     compute = compute or Compute(devices[0])
+    # Before hours of training, which a refusal at the end would have cost.
     ensure_own(factory)
     warn_of_seen_pairs(factory)
     trained = train_missing(factory, devices=devices, ray=compute.engine == "ray", say=say)
@@ -155,6 +156,7 @@ def pool_toml(factory: Factory) -> str:
         f"name = {toml_value(factory.name)}",
         f"architecture = {toml_value(factory.architecture)}",
         *([] if factory.code is None else [f"module = {toml_value(str(factory.code))}"]),
+        # Sources lie in the factory's folder, the base anywhere.
         'root = "/"',
         f"\n[options]\n{options}" if options else "",
         f"[base]\nfile = {toml_value(str(factory.base.resolve()))}",
@@ -186,6 +188,7 @@ def warn_of_seen_pairs(factory: Factory) -> None:
 
 
 def _identity(pair: Pair) -> object:
+    # By image: whatever ground truth is read with it, the pair was seen.
     return pair.left.resolve() if isinstance(pair, StereoPair) else pair.fingerprint()
 
 
@@ -237,8 +240,10 @@ def _search_cost(factory: Factory, found: SearchResult) -> Cost:
     images = sum(len(guide) for guide in factory.validation)
     files = [found.folder / name for name in ("stage1.csv", "stage2.csv")]
     rows = pd.concat([pd.read_csv(path) for path in files if path.exists()])
+    # What both stages scored stands in both tables.
     seconds: dict[str, float] = dict(zip(rows["key"], rows["seconds"], strict=True))
     worked = {
+        # An empty cell is read as NaN, which differs from itself.
         key: None if value != value else value
         for key, value in zip(rows["key"], rows["cpu_seconds"], strict=True)
     }

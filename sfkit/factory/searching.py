@@ -49,6 +49,7 @@ def search_status(factory: Factory, files: Mapping[str, Path], measured: float |
     """
     folder, most = factory.out / SEARCH, most_evaluations(factory)
     made = _made_of(factory)
+    # A lock goes with its process, however that ends.
     if is_held(folder / LOCK):
         state = RUNNING
     elif made == identity(factory, files):
@@ -116,6 +117,7 @@ def _last(factory: Factory) -> tuple[float | None, float | None]:
         return None, None
     seconds, passes = float(row["seconds"]), int(row["passes"])
     pairs = sum(len(guide) for guide in factory.validation)
+    # By the pair: the guides may have others now.
     return seconds, seconds / passes * pairs if passes else None
 
 
@@ -125,6 +127,7 @@ def _of_journal(folder: Path) -> float | None:
         stages = read_run(folder).stages
     except InputError:  # no journal yet
         return None
+    # With what the store saved: that is what an evaluation takes where nothing is known.
     taken = [(s.counts["seconds"] + s.counts["seconds_saved"], s.counts["distinct"]) for s in stages]
     seconds, count = (sum(column) for column in zip(*taken, strict=True)) if taken else (0.0, 0)
     return seconds / count if count and seconds else None

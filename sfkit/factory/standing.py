@@ -89,6 +89,7 @@ def files_of(
     for order in factory.networks if orders is None else orders:
         made = intended(start, order.data, settings=order.settings, licence=order.licence)
         told = {key: value for key, value in made.items() if key not in IGNORED}
+        # In the file's name, so that what was made otherwise is another file, and is kept.
         digest = hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()[:10]
         found[order.name] = (factory.out / "sources" / f"{order.name}-{digest}.safetensors", made)
     return found
@@ -103,6 +104,7 @@ def _item(name: str, file: Path, made: Mapping[str, Any]) -> Item:
         state = RUNNING if begun.running else INTERRUPTED
         item = Item(name, state, file, steps, begun.step, None, None)
         return item if begun.pace is None else _at(item, begun.pace)
+    # Without hyphen and digest: one source's name may begin another's.
     others = [p for p in file.parent.glob(f"{name}-*.safetensors") if p.stem[:-11] == name]
     return Item(name, STALE if others else MISSING, file, steps, 0, None, None)
 
@@ -118,6 +120,7 @@ def _pace(settings: TrainingSettings, known: Iterable[tuple[TrainingSettings, fl
     if alike:
         return sum(alike) / len(alike)
     pixels = _pixels(settings)
+    # By pixels, where no other is trained alike.
     scaled = [pace * pixels / size for other, pace in known if pixels and (size := _pixels(other))]
     return sum(scaled) / len(scaled) if scaled else None
 

@@ -170,6 +170,7 @@ def finetune(
                 form=form,
                 overwrite=overwrite,
             )
+            # Nothing goes on from them any more.
             for state in folder.glob("state-*.pt"):
                 state.unlink()
         return result
@@ -278,6 +279,7 @@ def _cost(result: TrainedSource) -> dict[str, float]:
 
 
 def _result(out: Path, course: Course, settings: TrainingSettings) -> TrainedSource:
+    # A single step's loss is that of a few pairs.
     last = [row[1] for row in course.curve[-50:]]
     return TrainedSource(
         path=out,

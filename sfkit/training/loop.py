@@ -163,6 +163,7 @@ class _Training:
             unused = not task.steady or self._has_unused(parts[0], counts)
             self.terms = DistributedDataParallel(self.terms, find_unused_parameters=unused)
         self.optimiser.zero_grad()
+        # In double: a sum of micro batches should not depend on their size.
         total = torch.zeros((), dtype=torch.float64, device=task.device)
         for number, part in enumerate(parts, start=1):
             with self._unsynchronised(last=number == len(parts)):

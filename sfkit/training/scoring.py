@@ -34,6 +34,7 @@ def scorer_of(benchmark: Benchmark, inputs: InputConvention, device: torch.devic
         for sample in benchmark.samples():
             pair = inputs.prepare(sample.left, sample.right)
             output = pair.window.crop(network(pair.left.to(device), pair.right.to(device)))
+            # Some networks keep an axis of one channel.
             map_ = output.reshape(output.shape[-2:]).float().cpu().numpy()
             valid = rule.valid_mask(sample) if metric.needs_truth else np.zeros(sample.size, dtype=np.bool_)
             found = count_errors(map_, regions_of(sample, valid, rule), thresholds=limits)
