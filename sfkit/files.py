@@ -223,5 +223,6 @@ def default_folder() -> Path:
 
 
 def _flush(path: Path) -> None:
+    # Open to write: Windows flushes nothing else.
     with path.open("rb+") as stream:
         os.fsync(stream.fileno())

@@ -205,6 +205,7 @@ def _ensure_names(
     """Refuse names that the pool has not, before it is opened: of blocks where they are known by then."""
     if pool is None:
         return
+    # A block without a name stands for those that are not known yet.
     blocks = pool.blocks or (*constraints.frozen_blocks, "\0")
     if subset is None:
         constraints.space(pool.names, blocks)
