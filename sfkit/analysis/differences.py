@@ -185,6 +185,7 @@ def outlier_regions(error: Map, threshold: float, *, most: int = 12) -> tuple[Ou
 def _split(error: Map, part: Pixels, level: float) -> list[Pixels]:
     """The groups within ``part`` whose errors exceed ``level``; none where only infinite errors do."""
     above = error[part] > level
+    # Where all of it is infinite no higher level tells parts apart.
     if not np.isfinite(error[part][above]).any():
         return []
     return _groups((part[0][above], part[1][above]), error.shape)

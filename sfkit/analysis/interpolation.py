@@ -56,6 +56,7 @@ class InterpolationCurve:
         """
         inside = (self.positions >= 0.0) & (self.positions <= 1.0)
         at, scores = self.positions[inside], self.scores[inside]
+        # Against the chord: ends of unlike scores are no barrier.
         line = scores[0] + (scores[-1] - scores[0]) * (at - at[0]) / (at[-1] - at[0])
         return float(np.max(scores - line))
 

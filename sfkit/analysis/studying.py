@@ -154,6 +154,7 @@ def _compare(
     """Base and methods; single sources have a table of their own."""
     groups: dict[str, list[str]] = {}
     for network, result in runs.items():
+        # Where there is a single run its name is the label.
         if network != result.label:
             groups.setdefault(result.label, []).append(network)
     shown = (BASE, *runs)

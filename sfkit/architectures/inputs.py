@@ -92,6 +92,7 @@ class InputConvention:
 
     def window(self, height: int, width: int) -> tuple[Window, tuple[int, int]]:
         """Where a height x width image lies in its padded input, and that input's (height, width)."""
+        # What is missing to the next multiple.
         extra_h, extra_w = -height % self.multiple, -width % self.multiple
         top = {PadSides.BOTTOM_RIGHT: 0, PadSides.TOP_RIGHT: extra_h, PadSides.CENTRE: extra_h // 2}[
             self.sides

@@ -127,6 +127,7 @@ def _pair(domain: Domain, index: int, folder: Path) -> SyntheticPair:
 def learning_rate(plan: TrainingPlan, step: int) -> float:
     """The rate of step ``step`` (from 0)."""
     if step < plan.warm_up:
+        # Not from 0, at which the first step would move nothing.
         return plan.peak_rate * (step + 1) / plan.warm_up
     done = (step - plan.warm_up) / max(plan.steps - plan.warm_up, 1)
     return plan.peak_rate * 0.5 * (1.0 + math.cos(math.pi * done))

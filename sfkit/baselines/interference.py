@@ -110,6 +110,7 @@ def _drawn(
         raise InputError(f"draws: found {draws}, expected at least 1")
     found: dict[tuple[float, float], list[tuple[float, Network]]] = {}
     for probability, draw in product(probabilities, range(draws)):
+        # To prepare task vectors is the method's work, as scoring is.
         with trials.timed():
             # No two runs with different seeds share a draw's, for up to a thousand draws.
             pool = prepare(trials.pool, Drop(probability, 1000 * seed + draw), last)

@@ -123,6 +123,7 @@ class _Adam:
         self.steps += 1
         self.first.lerp_(gradient, 0.1)
         self.second.lerp_(gradient.square(), 0.001)
+        # Running means that begin at 0 are corrected for it (Kingma and Ba, ICLR 2015).
         first, second = self.first / (1 - 0.9**self.steps), self.second / (1 - 0.999**self.steps)
         self.weights.sub_(self.rate * first / (second.sqrt() + 1e-8))
 

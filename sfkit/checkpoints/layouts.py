@@ -197,6 +197,7 @@ def _is_state(value: object, kind: type[Any]) -> TypeGuard[Mapping[str, Any]]:
         return False
     others = [entry for entry in value.values() if not isinstance(entry, kind)]
     plain = all(entry is None or isinstance(entry, int | float | str) or foreign(entry) for entry in others)
+    # Counters and names may lie among tensors, but not alone.
     return len(others) < len(value) and plain
 
 

@@ -160,6 +160,7 @@ class CensusTarget:
             percent = 100.0 * differing / len(level.bits)
             percent = torch.where(seen, percent, torch.full_like(percent, torch.nan))
             margin, step = level.scale.margin, level.scale.step
+            # The border, where no window fits, has no value.
             whole = F.pad(percent, (margin,) * 4, value=torch.nan)
             # A pixel that was kept stands for a square of its step.
             whole = whole.repeat_interleave(step, 0).repeat_interleave(step, 1)

@@ -71,4 +71,5 @@ def _spread(pairs: Sequence[SourcePair], count: int) -> Sequence[SourcePair]:
     """At most ``count`` of the pairs, evenly spread."""
     if len(pairs) <= count:
         return pairs
+    # The first and the last are among them.
     return [pairs[round(i * (len(pairs) - 1) / max(count - 1, 1))] for i in range(count)]

@@ -43,6 +43,7 @@ def read_pfm(path: Path) -> NDArray[np.float32]:
         raise InputError(
             f"{path}: found {width}x{height} and scale {scale}, expected a PFM with none of them 0"
         )
+    # By the bytes: a file that was cut off must not become a smaller map.
     found, due = len(data) - match.end(), 4 * width * height
     if found != due:
         raise InputError(

@@ -73,6 +73,7 @@ class GradientModel:
                 "parameters: its forward pass leaves torch somewhere"
             )
         value.backward()  # type: ignore[no-untyped-call]  # untyped in torch
+        # On the CPU, where the task vectors lie.
         flat = torch.zeros(self._layout.size)
         views = self._layout.views(flat)
         for key, parameter in self._parameters.items():

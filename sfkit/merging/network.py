@@ -64,6 +64,7 @@ def load_network(
     for key, tensor in file.tensors.items():
         check_values(path, key, tensor)
     network = entry.build(**chosen)
+    # The network's own tensors, which values are copied into.
     targets = network.state_dict(keep_vars=True)
     with torch.no_grad():
         for key, tensor in file.tensors.items():

@@ -66,6 +66,7 @@ def prepare(
             taken, stands after one that it needs to stand before, or needs importances that are not given.
     """
     # What changes nothing leaves no trace in names and keys.
+    # A step that changes nothing leaves the pool what it was, with the scores it has.
     active = tuple(step for step in steps if not (isinstance(step, Sparse) and step.idle))
     if not active:
         return pool

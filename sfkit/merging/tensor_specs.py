@@ -62,6 +62,7 @@ def specs_of(network: nn.Module, architecture: Architecture) -> tuple[TensorSpec
 
 def _specs(network: nn.Module, architecture: Architecture) -> Iterator[TensorSpec]:
     # Under all their names: which of a tied tensor's comes first is the state dict's choice.
+    # Tied weights under each of their names.
     parameters = {name for name, _ in network.named_parameters(remove_duplicate=False)}
     tensors = network.state_dict(keep_vars=True)
     names_of: dict[int, list[str]] = {}

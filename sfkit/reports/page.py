@@ -113,6 +113,7 @@ def render_page(notebook: NotebookNode, run: NotebookRun) -> str:
     # A copy: what the page leaves out stays in the notebook that is kept.
     shown = copy.deepcopy(notebook)
     shown.cells = [cell for cell in shown.cells if ERROR_MARKER_TAG not in cell.metadata.get("tags", [])]
+    # Counted without the cells that papermill put in, which are gone by now.
     failed = shown.cells[run.failure.cell] if run.failure and run.failure.cell is not None else None
     if failed is not None:
         failed.metadata["tags"] = [*failed.metadata.get("tags", []), "failed"]

@@ -99,6 +99,7 @@ def _drawn(browser: Path, figures: list[dict[str, Any]], kind: str) -> list[byte
     with tempfile.TemporaryDirectory(prefix="sfkit-pictures-") as scratch:
         page = Path(scratch) / "page.html"
         page.write_text(PAGE.format(plotly=get_plotlyjs(), figures=text, script=script), encoding="utf-8")
+        # What is drawn comes back as text of the page.
         command = [str(browser), *flags, f"--user-data-dir={scratch}/profile", "--dump-dom", page.as_uri()]
         try:
             done = subprocess.run(command, capture_output=True, timeout=SECONDS, check=False)

@@ -150,6 +150,7 @@ def averaged_winner(
     ranked = sorted(won.items(), key=lambda entry: (-entry[1], entry[0]))
     wins = tuple(Win(*found[recipes[number]], wins=count) for number, count in ranked)
     recipe = average({win.candidate.recipe: win.wins for win in wins}, evaluators[0].pool.names)
+    # One evaluation more, unless a stage scored it.
     (outcome,) = scorer([recipe])
     averaged = Averaged(recipe, outcome, wins, resamples)
     if journal is not None:

@@ -130,6 +130,7 @@ class Encoding:
         No recipe depends on a row's mean; a tied row counts once.
         """
         logits, scales = self.logits(x), x[self._cut :]
+        # Logits that differ by a constant are the same weights.
         centred = logits - logits.mean(axis=1, keepdims=True)
         return float((np.sum(centred**2) + np.sum(scales**2)) / (logits.size + scales.size))
 

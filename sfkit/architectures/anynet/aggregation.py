@@ -81,6 +81,7 @@ class _Unit(nn.Sequential):
         """Scale and shift (C, 1, 1, 1): what the batch norm does with its running statistics."""
         norm = cast(nn.BatchNorm3d, self[0])
         variance, mean = cast(torch.Tensor, norm.running_var), cast(torch.Tensor, norm.running_mean)
+        # In evaluation mode a norm is a factor and a shift.
         scale = norm.weight * torch.rsqrt(variance + norm.eps)
         return scale[:, None, None, None], (norm.bias - mean * scale)[:, None, None, None]
 

@@ -121,6 +121,7 @@ class NMRF(nn.Module):
         """
         self._check_images(left, right)
         quarter_left, quarter_right = self._encode(torch.cat((left, right)), rng).chunk(2)
+        # Pooled, not encoded again: what is matched at 1/8 are the features of 1/4.
         eighth_left, eighth_right = (F.avg_pool2d(f, 2) for f in (quarter_left, quarter_right))
         grid = None if seeds is None else self._seed_grid(seeds, eighth_left)
         proposals = self.dpn(eighth_left, eighth_right, grid)

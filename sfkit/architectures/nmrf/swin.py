@@ -171,5 +171,6 @@ class SwinBackbone(nn.Module):
         if not self.training or rng is None:
             return iter([None] * len(self.drop_rates))
         rates = self.drop_rates[:, None, None]
+        # Scaled up where it is kept, so that the mean stays.
         keep = (rng.random((len(rates), 2, x.shape[0])) >= rates) / (1.0 - rates)
         return iter(torch.as_tensor(keep, dtype=x.dtype, device=x.device)[..., None, None, None].unbind(0))

@@ -119,6 +119,7 @@ def _proposal_loss(estimate: NMRFOutput, truth: torch.Tensor, mask: torch.Tensor
     limit = estimate.prob.shape[-1] * STRIDE
     labels = estimate.proposal * STRIDE
     pixels = windows.cut(truth, STRIDE)
+    # The nearest of the labels counts: one of them is to be right.
     away = (pixels[..., None] - labels[..., None, :]).abs().amin(-1)
     loss = F.smooth_l1_loss(away, torch.zeros_like(away), reduction="none")
     return _mean(loss, windows.cut(mask & (truth < limit), STRIDE))

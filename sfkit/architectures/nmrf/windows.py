@@ -37,6 +37,7 @@ def strangers(grid: torch.Size, size: int, device: torch.device) -> torch.Tensor
     length n the bands are [0, n - size), [n - size, n - size // 2), [n - size // 2, n).
     """
     height, width = grid
+    # Three bands a side, by which parts that were no neighbours before the roll are told.
     region = 3 * _bands(height, size, device)[:, None] + _bands(width, size, device)[None, :]
     of = cut(region[None], size)[0]
     return of[:, :, None] != of[:, None, :]

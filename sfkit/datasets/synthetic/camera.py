@@ -48,6 +48,7 @@ def photograph(
         seen = seen * passed + np.asarray(weather.light) * (1.0 - passed)
     if response.blur > 0.0:
         seen = np.asarray(cv2.GaussianBlur(seen, (0, 0), response.blur), dtype=np.float64)
+    # Clipped before the gamma, since a negative base has no power.
     toned = np.clip(seen * np.asarray(response.gain), 0.0, 1.0) ** response.gamma
     if grey:
         toned = np.repeat((toned @ LUMA)[..., None], 3, axis=2)

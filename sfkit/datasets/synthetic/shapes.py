@@ -41,6 +41,7 @@ def blob(radius: float, waves: tuple[tuple[float, float], ...]) -> Shape:
 
     def inside(x: Array, y: Array) -> Mask:
         angle = np.arctan2(y, x)
+        # From two waves around it on: a single one would only move the outline.
         bound = 1.0 + sum(a * np.cos((k + 2) * angle + p) for k, (a, p) in enumerate(waves))
         return x * x + y * y <= (radius * bound) ** 2
 
