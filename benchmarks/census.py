@@ -180,7 +180,7 @@ GUIDED = """### Both stages guided without labels
 guide sees the images of all five pairs; of a labelled guide's own pairs the columns are validation
 scores. Stage 1 with M = 8, T = 3, Stage 2 with 150 evaluations for every guide, two seeds. AdaMerging, 100
 steps of gradient descent on the entropy of the matching, is the other guide without labels."""
-BANK = f"""### The bank's worlds, each guided by its own pairs
+BANK = f"""### The first bank's worlds, each guided by its own pairs
 
 `{{command}}`: eight pairs of a world guide both stages (M = {POPULATION},
 T = {GENERATIONS}, 80 evaluations) without their labels or with them, eight labelled ones of

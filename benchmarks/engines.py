@@ -3,7 +3,7 @@
     python benchmarks/engines.py
     python benchmarks/engines.py --engines inline processes --workers 1 2 4 --json
 
-Subsets of the embedded bank are scored with one thread a worker, so that an engine with as many workers
+Subsets of the first bank are scored with one thread a worker, so that an engine with as many workers
 as there are idle cores would have an efficiency of 1. Two amounts of work: many subsets, and three, which
 two workers finish together only because images are shared out. Starting is timed by itself. Every engine
 must give the scores of the inline engine to the last bit. Ray is left out where it is not installed.

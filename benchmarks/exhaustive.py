@@ -1,9 +1,9 @@
-"""Every subset of the bank's sources, scored once: the landscape that Stage 1 searches, known in full.
+"""Every subset of a bank's sources, scored once: the landscape that Stage 1 searches, known in full.
 
-The table ``subsets-bank.csv`` lies beside this file, so that tests and benchmarks compare searches with the
-true optimum and run no network. ``python benchmarks/exhaustive.py`` makes it again: 2047 merges on the first
-20 of the validation benchmark's pairs, a quarter of an hour of one core; ``--bank`` names another bank. It is
-resumable, since every evaluation goes to the store.
+The first bank's table, ``subsets-bank.csv``, lies beside this file, so that tests and benchmarks compare
+searches with the true optimum and run no network. ``python benchmarks/exhaustive.py`` makes it again: 2047
+merges on the first 20 of the validation benchmark's pairs, a quarter of an hour of one core; ``--bank`` names
+another bank. It is resumable, since every evaluation goes to the store.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def score_subsets(
     """Score the equal-weight merges of subsets on the first 20 pairs of the validation benchmark.
 
     Args:
-        pool: the bank.
+        pool: a bank's.
         masks: subsets as bit masks over ``pool.names``.
         store: where the evaluations are kept; those it holds are not computed.
         progress: hears how many are done, of how many.
@@ -135,7 +135,7 @@ def evaluated(scorer: Evaluator, live: LiveModel, recipe: Recipe) -> Evaluation:
 
 
 def _disparities(scorer: Evaluator, live: LiveModel) -> Iterator[NDArray[np.float32]]:
-    """(H, W) maps in pixels, a pair each; all pairs of the bank have one size."""
+    """(H, W) maps in pixels, a pair each; all pairs of a bank have one size."""
     pairs = [scorer.prepared.pair(n) for n in range(len(scorer.prepared))]
     for first in range(0, len(pairs), BATCH):
         part = pairs[first : first + BATCH]

@@ -103,8 +103,8 @@ def measured(browser: Browser, server: Server, name: str, cells: list[str], edit
 
 
 def measure(edits: int = 40) -> list[Row]:
-    """The embedded bank and, where its data is, the real AnyNet pool."""
-    worlds = {"embedded bank": [BANK, SHOW]}
+    """The first bank and, where its data is, the real AnyNet pool."""
+    worlds = {"first bank": [BANK, SHOW]}
     if os.environ.get(DATA):
         worlds["real AnyNet"] = [REAL.format(pool=str(POOL)), SHOW]
     os.environ.pop("OMP_NUM_THREADS", None)
@@ -137,7 +137,7 @@ def table(records: Sequence[Row]) -> str:
     return numbers(heads, rows, 2)
 
 
-TARGET = 150.0  # ms, the median first picture on the embedded bank
+TARGET = 150.0  # ms, the median first picture on the first bank
 
 
 def section() -> str:
@@ -154,7 +154,7 @@ size.
 
 {table(records)}
 
-The embedded bank's median is {bank["first_median"]:.0f} ms, {verdict} the target of {TARGET:.0f} ms."""
+The first bank's median is {bank["first_median"]:.0f} ms, {verdict} the target of {TARGET:.0f} ms."""
 
 
 if __name__ == "__main__":

@@ -147,13 +147,13 @@ HEAD = """## Does a model gain from knowing how noisy scores are?
 The defaults of `--method bayesian` are what follows from it: one noise for all merges, whole evaluations."""
 IMAGES = """### Noise by the spread over images
 
-Stage 1's evaluations in {searches} searches on the bank, {windows} windows each: on all but one a model
+Stage 1's evaluations in {searches} searches on `{pool}`, {windows} windows each: on all but one a model
 learns the score, with noise that is equal everywhere or, by merge, the spread over images of its difference
 to the best. Rank correlation of its mean with the scores on the window left out, and how far the merge it
 prefers is from the best there, points; means over searches and windows."""
 RACING = """### Racing
 
-The bank's table of all subsets, {seeds} seeds: a search scores 8 pairs of 20, which costs 0.4 of an
+The table of all subsets of `{pool}`, {seeds} seeds: a search scores 8 pairs of 20, which costs 0.4 of an
 evaluation, and finishes the 12 others of its best subsets alone. Regret on 20 pairs of what is returned, at
 the mean in points, and in brackets in how many seeds it is the optimum, by what the search costs in
 evaluations on 20 pairs."""
@@ -165,32 +165,32 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    return written(kept, HEAD)
+    return written(kept, HEAD, BANK)
 
 
-def written(kept: KeptRuns, head: str) -> str:
-    """The tables of finished runs below what their section begins with.
+def written(kept: KeptRuns, head: str, pool: str) -> str:
+    """The tables of finished runs on a pool, below what their section begins with.
 
     Raises:
         SystemExit: nothing is finished.
     """
-    parts = [images_table(kept.results("images-")), racing_table(kept.results("racing-"))]
+    parts = [images_table(kept.results("images-"), pool), racing_table(kept.results("racing-"), pool)]
     if not any(parts):
         raise SystemExit("nothing is finished yet: run python benchmarks/noise.py first")
     return "\n\n".join([head, *filter(None, parts)])
 
 
-def images_table(frame: pd.DataFrame) -> str:
+def images_table(frame: pd.DataFrame, pool: str) -> str:
     """A row a kind of noise; nothing where none is finished."""
     if frame.empty:
         return ""
     means = frame.groupby("noise", sort=False)[["correlation", "regret"]].mean()
     rows = [(name, f"{row.correlation:.3f}", f"{row.regret:.2f}") for name, row in means.iterrows()]
-    text = IMAGES.format(searches=frame["seed"].nunique(), windows=frame["window"].nunique())
+    text = IMAGES.format(searches=frame["seed"].nunique(), windows=frame["window"].nunique(), pool=pool)
     return f"{text}\n\n{markdown_lines(('noise', 'rank correlation', 'regret'), rows)}"
 
 
-def racing_table(frame: pd.DataFrame) -> str:
+def racing_table(frame: pd.DataFrame, pool: str) -> str:
     """A row a number of subsets that are finished; nothing where none is finished."""
     if frame.empty:
         return ""
@@ -200,7 +200,7 @@ def racing_table(frame: pd.DataFrame) -> str:
         regrets = [part.loc[part["passes"] == cost, "regret"] for cost in costs]
         cells = [f"{one.mean():.3f} ({(one == 0.0).sum()} of {len(one)})" for one in regrets]
         rows.append((f"best {finished} finished" if finished else "no racing", *cells))
-    text = RACING.format(seeds=frame["seed"].nunique())
+    text = RACING.format(seeds=frame["seed"].nunique(), pool=pool)
     return f"{text}\n\n{markdown_lines(('search', *(f'after {cost}' for cost in costs)), rows)}"
 
 

@@ -5,7 +5,7 @@
     python benchmarks/optimum.py --list               # what there is to do, and what is done
     python benchmarks/results.py optimum              # write what is there into benchmarks/README.md
 
-As ``search.py``, on the scores of all subsets of the embedded bank, where an evaluation is a look into a
+As ``search.py``, on the scores of all subsets of the first bank, where an evaluation is a look into a
 table and only distinct ones count. Searches beside each other; the model's in batches for several workers;
 and a pool that gains each source of the best subset in turn. pymoo, DEAP and Optuna take part where they are
 installed (``make bench``).
@@ -146,9 +146,10 @@ kept = KeptRuns(__doc__, jobs, RUNS / "optimum")
 HEAD = """## Evaluations until the best of all subsets
 
 `python benchmarks/optimum.py` runs the searches and goes on where it was. On the scores of all subsets of
-the bank's sources; only distinct evaluations cost, sources scored alone as well, which win nothing. "Never"
-stands for a median or a most of searches that ended without it; CPU is what the search itself takes an
-evaluation. Rows with fewer seeds are those whose searches cost more, or that have not run further yet."""
+the sources of `bank`; only distinct evaluations cost, sources scored alone as well, which win nothing.
+"Never" stands for a median or a most of searches that ended without it; CPU is what the search itself
+takes an evaluation. Rows with fewer seeds are those whose searches cost more, or that have not run further
+yet."""
 BATCHED = """### Batches of the model's proposals
 
 One worker for each proposal of a batch, simulated: evaluations of one length but for a spread of 5 %, a batch

@@ -6,7 +6,7 @@
     python benchmarks/overhead.py --method bayesian --generations 41 --evaluations 80
 
 Both stages run on 11 sources of AnyNet, inline, over pairs of noise of 256 x 512 in memory, with store,
-journal, tables and merged file on disk: AnyNet as published, with random weights, or the embedded bank's,
+journal, tables and merged file on disk: AnyNet as published, with random weights, or the first bank's,
 which has a third of the disparities and no propagation stage, so that the rest weighs more. By default there
 are as many pairs as the paper validates on, and fewer evaluations: a minute on one core. Every function below
 is timed without what it calls of the others, so that the rows add up. Reading the pool and preparing images

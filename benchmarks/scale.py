@@ -4,8 +4,8 @@
 
 On FoundationStereo Stage 1 took 1.2 h and Stage 2 2.4 h on 4 GPUs. Within a generation workers take
 evaluations in turn, and the next generation begins when all are done; that wait is the barrier. Stage 1
-evaluates the new subsets of each generation, as many as our search proposes on the bank; Stage 2 evaluates
-CMA-ES populations.
+evaluates the new subsets of each generation, as many as our search proposes on the first bank; Stage 2
+evaluates CMA-ES populations.
 With images shared out, the engines' own schedule (``sfkit.evaluation.engines.schedule``) cuts evaluations by
 images at a generation's end. Not simulated: machines that differ, and messages that are lost.
 """
@@ -34,7 +34,7 @@ DOCUMENT = "benchmarks/README.md"
 WORKERS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 TRIALS = 300  # of Stage 2
 DIMENSIONS = 4 * 6 + 4  # of Stage 2; CMA-ES proposes 4 + 3 ln n at a time
-SPREAD = 0.05  # standard deviation of an evaluation's time over its mean, as measured on the bank
+SPREAD = 0.05  # standard deviation of an evaluation's time over its mean, as measured on the first bank
 IMAGES = 27  # of the paper's validation
 MERGE = 0.05  # seconds of an evaluation that every worker repeats when images are shared out
 VECTORS = 12 * 4 * 37_600_000  # bytes of base and 11 task vectors; the ViT is frozen
@@ -43,7 +43,7 @@ FASTEST = 1.25e9  # bytes a second from one machine to the next: 10 Gbit Etherne
 
 @cache
 def generations() -> tuple[int, ...]:
-    """New subsets in each generation of our Stage 1 on the bank, seed 0, the paper's settings."""
+    """New subsets in each generation of our Stage 1 on the first bank, seed 0, the paper's settings."""
     land, settings = Landscape(subset_scores()), SubsetSettings()
     masks, seen, found = genetic(settings)(land, 0), set[int](), []
     for first in range(0, len(masks), settings.population):
@@ -153,7 +153,7 @@ def section() -> str:
     return f"""## Past this machine: 1 to 256 workers, simulated
 
 `{shown("scale.py")}`: the paper's hours on FoundationStereo and 4 GPUs;
-new subsets a generation as Stage 1 proposes them on the bank, CMA-ES populations of 13 or 14, evaluations
+new subsets a generation as Stage 1 proposes them on `bank`, CMA-ES populations of 13 or 14, evaluations
 that differ by 5 %. The engines' own schedule shares images out. Broadcast of the task vectors,
 {VECTORS / 2**30:.1f} GiB, is over 10 Gbit Ethernet, in a tree.
 

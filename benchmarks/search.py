@@ -2,7 +2,7 @@
 
     python benchmarks/search.py [--seeds 200] [--quick] [--json]
 
-All 2047 subsets of the embedded bank are scored (``exhaustive.py``), so no network runs: an
+All 2047 subsets of the first bank are scored (``exhaustive.py``), so no network runs: an
 evaluation is a look into that table, and only distinct ones count, as in the evaluation store. Regret is the
 best score found so far minus the best of all subsets of two or more, in percentage points of bad-3.0.
 pymoo and DEAP take part where they are installed (``make bench``).
@@ -234,7 +234,7 @@ def section() -> str:
     shot = picture(figure, "search", "Regret of each search against distinct evaluations")
     return f"""## Searches against the true optimum
 
-`{shown("search.py")}`: {SEEDS} seeds each on the scores of all subsets of the bank's 11 sources
+`{shown("search.py")}`: {SEEDS} seeds each on the scores of all subsets of the first bank's 11 sources
 (bad-3.0 on the first 20 validation pairs; regret in percentage points, mean over seeds). Only distinct
 evaluations cost. The greedy soup draws nothing at random, so all its seeds are one; it evaluates the
 11 sources alone first.

@@ -10,7 +10,7 @@ of all its candidates is kept as a CSV file. Each evaluation goes through a stor
 interrupted at any moment. Optuna's samplers take part where they are installed (``make bench``), the real
 pool where SFKIT_REAL_DATA says where it lies.
 
-The goal was CMA-ES's score after 300 evaluations within 80 at the median. It is met on the bank (57, in
+The goal was CMA-ES's score after 300 evaluations within 80 at the median. It is met on the first bank (57, in
 twelve searches of which seven got there) and missed on the real pool, where two of four searches got there.
 """
 
@@ -53,7 +53,7 @@ SIGMA = 0.5
 MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
 HANDED_OVER, NEAR = "model, then CMA-ES", "model, nothing bold"
 BLOCKWISE = 4
-"""Searches on the bank that are run with block-specific routing as well."""
+"""Searches on the first bank that are run with block-specific routing as well."""
 
 Way = Callable[[SearchWorld], Iterator[float]]
 """World -> the scores of its evaluations, in order, as they come."""
@@ -175,7 +175,7 @@ kept = KeptRuns(__doc__, jobs, RUNS / "stage2")
 MARKS = (10, 20, 40, 60, 80, 100, 150, 300)
 KEY = ["world", "seed"]
 TITLES = {
-    BANK: f"On the bank, {BANK_PAIRS} windows of {' x '.join(map(str, BANK_WINDOW))} px",
+    BANK: f"On the first bank, {BANK_PAIRS} windows of {' x '.join(map(str, BANK_WINDOW))} px",
     REAL: f"On the real AnyNet pool, {REAL_PAIRS} windows of "
     f"{' x '.join(map(str, REAL_WINDOW))} px of as many data sets",
 }

@@ -1,4 +1,4 @@
-"""Where ways to run Stage 2 compete: small benchmarks on the bank and on the real AnyNet pool.
+"""Where ways to run Stage 2 compete: small benchmarks on the first bank and on the real AnyNet pool.
 
 Forward passes are dear on two cores, so that every pair is cut to a window: what is compared is how soon a
 search finds what is good on its own validation pairs, not how that holds elsewhere (``evidence.py``). All
@@ -91,7 +91,7 @@ def world(kind: str, seed: int, store: sfkit.EvaluationStore) -> SearchWorld:
 
 @lru_cache
 def bank_pool() -> Pool:
-    """The bank."""
+    """The first bank."""
     return sfkit.open_pool("bank")
 
 

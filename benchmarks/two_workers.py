@@ -37,7 +37,7 @@ def measure(*, pairs: int = 8, evaluations: int = 40, turns: int = 2) -> list[di
     """A row a search: engine, workers, evaluations computed, seconds, best score, load average at its end.
 
     Args:
-        pairs: of the bank's validation benchmark.
+        pairs: of the first bank's validation benchmark.
         evaluations: of Stage 2; Stage 1 has as many, its first ones included.
         turns: searches each way, alternating, each with a seed of its own.
     """

@@ -52,9 +52,11 @@ def section() -> str:
     return f"""## A whole factory
 
 `sfkit factory run factory.toml` on {len(DOMAINS)} domains of `{POOL}` from nothing but its base:
-{PAIRS} scenes each for ten epochs in batches of eight windows of 128 x 256 px, a joint network on all of
-them for the same epochs, then both stages (M = {SEARCH["population"]}, T = {SEARCH["generations"]},
-{SEARCH["evaluations"]} evaluations of Stage 2) on {WORLD_PAIRS} pairs of the validation world.
+{PAIRS} scenes each, a quarter of those that the sources shipped with `{POOL}` learned from, so that neither
+these seconds nor these scores are that bank's, for ten epochs in batches of eight windows of 128 x 256 px, a
+joint network on all of them for the same epochs, then both stages (M = {SEARCH["population"]},
+T = {SEARCH["generations"]}, {SEARCH["evaluations"]} evaluations of Stage 2)
+on {WORLD_PAIRS} pairs of the validation world.
 
 {markdown(costs.rename(columns={"seconds": "wall seconds", "cpu_seconds": "CPU seconds"}), digits=0)}
 

@@ -16,4 +16,4 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    return written(kept_of(POOL), HEAD)
+    return written(kept_of(POOL), HEAD, POOL)

@@ -15,7 +15,7 @@ GENERATIONS = 15
 
 
 def measure(table: SubsetScores | None = None) -> PopulationSizes:
-    """Stage 1 with every size and seed on the bank's table."""
+    """Stage 1 with every size and seed on a bank's table, the first bank's unless given."""
     land = Landscape(table or subset_scores())
     return population_sizes(
         land.names,

@@ -58,7 +58,7 @@ each of three other worlds test. What it says first:
 {tables(study, "on the mean of the unseen")}
 
 What each method took, all its runs together, and beside joint retraining and the fine-tuning of the sources,
-whose seconds were measured when the bank was built, on a machine that did other work: overheads
+whose seconds were measured when `{POOL}` was built, on a machine that did other work: overheads
 are of wall seconds by wall seconds, so look at the CPU seconds beside them too. What a search does between
 its evaluations is not counted:
 
