@@ -97,7 +97,7 @@ def parallel_axes(routes: Sequence[RoutedCandidate]) -> ParallelAxes:
 
 COLUMNS = (
     *("run", "stage", "state", "metric", "best", "subset", "evaluations", "from store"),
-    *("wall seconds", "CPU seconds"),
+    *("wall s", "CPU s"),
 )
 """Of the table of all searches."""
 
