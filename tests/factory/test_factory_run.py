@@ -25,15 +25,18 @@ from sfkit.factory import (
     read_factory,
     report_values,
     run,
+    search_status,
     status,
     train_missing,
     write_example,
 )
 from sfkit.factory.running import warn_of_seen_pairs
-from sfkit.factory.standing import DONE, INTERRUPTED, MISSING, STALE
-from sfkit.files import default_folder
+from sfkit.factory.searching import begin, end
+from sfkit.factory.standing import DONE, INTERRUPTED, MISSING, RUNNING, STALE
+from sfkit.files import default_folder, holding, write_text
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook
+from sfkit.search.run_folder import LOCK, SEARCH
 from sfkit.training.finetune import finetune
 
 
@@ -127,6 +130,26 @@ def test_other_data_and_another_base_make_a_source_stale_and_unknown_seconds_are
     key = next(key for key in tensors if key.endswith(".weight"))
     save_file({**tensors, key: tensors[key] + 1}, base)
     assert [one.state for one in status(read_factory(path))] == [STALE]
+
+
+def test_a_search_runs_as_long_as_its_folder_is_held(tmp_path: Path) -> None:
+    factory = read_factory(write(tmp_path, "haze", "far-scene"))
+    files = {"haze": tmp_path / "a", "far-scene": tmp_path / "b"}
+
+    def state() -> str:
+        return search_status(factory, files).state
+
+    assert state() == MISSING
+    with holding(tmp_path / "search" / LOCK, "busy"):
+        assert state() == RUNNING
+        write_text(tmp_path / "search" / SEARCH, "{}")
+    assert state() == INTERRUPTED, "it began, and nothing says that it ended"
+    end(factory, files)
+    assert state() == DONE
+    files["haze"] = tmp_path / "of other data"
+    assert state() == STALE
+    begin(factory, files)
+    assert state() == INTERRUPTED
 
 
 def test_a_source_that_was_begun_goes_on_where_it_was(tmp_path: Path) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import os
 import stat
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import pytest
 
+import sfkit
 from sfkit import files
 
 
@@ -110,3 +113,34 @@ def test_a_temporary_name_cannot_be_foreseen(tmp_path: Path) -> None:
     with files.fresh_beside(tmp_path / "x") as one, files.fresh_beside(tmp_path / "x") as two:
         assert one != two
         assert len(one.name) > len(".x..part") + 12
+
+
+HOLDER = """import sys, time
+from pathlib import Path
+from sfkit.files import holding
+with holding(Path(sys.argv[1]), "busy"):
+    print("held", flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_lock_is_held_as_long_as_its_process_lives(tmp_path: Path) -> None:
+    lock = tmp_path / "new" / ".lock"
+    assert not files.is_held(lock)
+    with subprocess.Popen([sys.executable, "-c", HOLDER, str(lock)], stdout=subprocess.PIPE) as other:
+        try:
+            assert other.stdout is not None
+            assert other.stdout.readline() == b"held\n"
+            assert files.is_held(lock)
+            with (
+                pytest.raises(sfkit.InputError, match=r"^somebody is at it$"),
+                files.holding(lock, "somebody is at it"),
+            ):
+                pass
+            assert files.is_held(lock), "who was refused took nothing"
+        finally:
+            other.kill()
+    assert not files.is_held(lock), "killed, it could tidy up nothing"
+    with files.holding(lock, "busy"):
+        assert files.is_held(lock), "by this very process"
+    assert not files.is_held(lock)
