@@ -126,9 +126,11 @@ def finetune(
     """
     settings = settings or TrainingSettings()
     out = check_target(out, form, overwrite=overwrite)
+    start = starting_point(
+        base, name=name, options=options, seed=settings.seed
+    )  # refused, it leaves no folder
     with _alone(out):
         check_target(out, form, overwrite=overwrite)  # who was here may have ended with the file
-        start = starting_point(base, name=name, options=options, seed=settings.seed)
         entry, network = start.entry, start.network
         recipe = training_recipe(network, settings.limit)
         for key, parameter in network.named_parameters():
