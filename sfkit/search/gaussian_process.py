@@ -117,6 +117,22 @@ def fit(
     return _posterior(points, values, tuple(LENGTHS[i] for i in where), noises[seen[where][1]])
 
 
+def log_evidence(process: GaussianProcess, values: Array) -> float:
+    """How well a model explains the values it learned from, to be compared with others of the same values.
+
+    Args:
+        process: the model.
+        values: (n,), those it was fitted to.
+
+    Returns:
+        Log marginal likelihood (eq. 5.8), the mean integrated out and the variance at its best, up to a
+        constant.
+    """
+    noisy = matern(distances(process.points, process.points), process.lengths)
+    noisy[np.diag_indices(len(values))] += process.noise
+    return _evidence(noisy, np.column_stack([values, np.ones_like(values)]))
+
+
 def distances(one: Points, other: Points) -> tuple[Array, ...]:
     """Squared Euclidean distances in each group, (n, m)."""
     found = []

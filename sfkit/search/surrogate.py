@@ -11,7 +11,7 @@ import numpy as np
 
 from sfkit.evaluation.known import Known
 from sfkit.merging.recipe import Recipe
-from sfkit.search.gaussian_process import Array, GaussianProcess, Points, fit
+from sfkit.search.gaussian_process import Array, GaussianProcess, Points, fit, log_evidence
 from sfkit.search.records import Candidate
 
 LARGEST = 400
@@ -97,14 +97,47 @@ def by_block(rows: Array, scales: Array) -> Points:
     return tuple(np.moveaxis(rows * scales[:, :, None], 1, 0))
 
 
+def apart(rows: Array, scales: Array) -> Points:
+    """Weights and scales apart: what the model of Stage 2 sees of m recipes whose blocks share their weights.
+
+    One row of weights moves the coefficients of all blocks at once; seen by these (:func:`by_block`), a step
+    along it is a step in every block, however little the score asks for the weights.
+
+    Args:
+        rows: routing weights, (m, B, N).
+        scales: module scales, (m, B).
+
+    Returns:
+        Weights at the mean over blocks (m, N), what each block's differ from it by (m, B * N) as in
+        :func:`features`, and B groups of one scale, (m, 1).
+    """
+    mean, differences, _ = features(rows, scales)
+    return (mean, differences, *(scales[:, [block]] for block in range(scales.shape[1])))
+
+
 def recipe_features(recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]) -> Points:
     """The features of recipes over some of these sources, as :func:`features`."""
     return features(*rows_and_scales(recipes, sources, blocks))
 
 
-def block_features(recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str]) -> Points:
-    """The features of recipes over some of these sources, as :func:`by_block`."""
-    return by_block(*rows_and_scales(recipes, sources, blocks))
+def routing_points(rows: Array, scales: Array, *, tied: bool) -> Points:
+    """What the model of Stage 2 sees of m recipes: :func:`by_block`, before it :func:`apart` where tied."""
+    blockwise = by_block(rows, scales)
+    return (*apart(rows, scales), *blockwise) if tied else blockwise
+
+
+def routing_views(blocks: int, *, tied: bool) -> tuple[tuple[int, ...], ...]:
+    """The groups of :func:`routing_points` that a model of Stage 2 may look at: one way, or the other."""
+    first = 2 + blocks if tied else 0
+    blockwise = tuple(range(first, first + blocks))
+    return (tuple(range(first)), blockwise) if tied else (blockwise,)
+
+
+def routing_features(
+    recipes: Iterable[Recipe], sources: Sequence[str], blocks: Sequence[str], *, tied: bool
+) -> Points:
+    """The features of recipes over some of these sources, as :func:`routing_points`."""
+    return routing_points(*rows_and_scales(recipes, sources, blocks), tied=tied)
 
 
 def rows_and_scales(
@@ -185,7 +218,12 @@ class Surrogate:
 
 
 def learned(
-    points: Points, scores: Array, *, knee: float = math.inf, like: Surrogate | None = None
+    points: Points,
+    scores: Array,
+    *,
+    knee: float = math.inf,
+    like: Surrogate | None = None,
+    views: Sequence[tuple[int, ...]] = (),
 ) -> Surrogate:
     """The model of what was scored; a score that is not finite counts as the worst that is.
 
@@ -194,6 +232,8 @@ def learned(
         scores: (n,), at least one of them finite.
         knee: scores above are drawn together (:class:`Bend`), by what the best lies below it.
         like: a model whose length scales and noise are taken, rather than fitted.
+        views: sets of feature groups, of which the one of highest evidence is looked at, the earlier one of a
+            tie; all groups without one.
     """
     finite = np.isfinite(scores)
     values = np.where(finite, scores, np.max(scores[finite]))
@@ -207,8 +247,14 @@ def learned(
     # Where no point differs in a group its length scale has no bearing on the evidence: a climb along it
     # would find ties alone.
     spread = [float(np.max(np.ptp(group, axis=0), initial=0.0)) for group in chosen]
-    groups = tuple(g for g, width in enumerate(spread) if width > 0.0) or (0,)
-    return Surrogate(fit(tuple(chosen[g] for g in groups), bend(values[kept])), groups, bend)
+    bent = bend(values[kept])
+    found = []
+    for view in views or (tuple(range(len(chosen))),):
+        groups = tuple(g for g in view if spread[g] > 0.0) or view[:1]
+        found.append(Surrogate(fit(tuple(chosen[g] for g in groups), bent), groups, bend))
+    if len(found) == 1:
+        return found[0]
+    return max(found, key=lambda one: log_evidence(one.process, bent))
 
 
 def _bend(values: Array, knee: float) -> Bend:

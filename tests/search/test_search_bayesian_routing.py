@@ -16,7 +16,7 @@ from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search import Constraints, RoutingSearch, RoutingSettings
 from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
-from sfkit.search.surrogate import block_features
+from sfkit.search.surrogate import routing_features
 
 SOURCES = names(3)
 WEIGHTS, SCALES = (0.6, 0.3, 0.1), (1.2, 0.8, 1.0)
@@ -66,7 +66,8 @@ def test_vectors_have_the_features_of_the_recipes_they_stand_for() -> None:
         one = search(BayesianRoutingSettings(tied=tied), constraints=limits)
         draws = np.random.default_rng(0).standard_normal((5, one.encoding.dimension))
         recipes = [one.encoding.decode(x) for x in draws]
-        for mine, theirs in zip(one._points(draws), block_features(recipes, SOURCES, BLOCKS), strict=True):
+        seen = routing_features(recipes, SOURCES, BLOCKS, tied=tied)
+        for mine, theirs in zip(one._points(draws), seen, strict=True):
             assert mine == pytest.approx(theirs, abs=1e-12)
 
 
@@ -145,14 +146,14 @@ def test_a_hold_out_is_refused() -> None:
 
 
 @pytest.mark.parametrize("batch", [1, 4])
-def test_every_third_proposal_is_bold(batch: int) -> None:
+def test_every_second_proposal_is_bold(batch: int) -> None:
     found = search(replace(QUICK, evaluations=14, batch=batch))
     found.run()
     knee, met = found.candidates[0].score, set()
     for candidate in found.candidates:
         told = candidate.prediction
         if told is not None and told.mean < knee:  # above it the bound is of bent scores
-            bold = candidate.number % 3 == 2
+            bold = candidate.number % 2 == 1
             assert (told.mean - told.acquisition) / told.sd == pytest.approx(2.0 if bold else 1.0, abs=1e-3)
             met.add(bold)
     assert met == {False, True}
@@ -173,9 +174,9 @@ def test_the_region_shrinks_where_nothing_better_is_found() -> None:
     flat = search(replace(QUICK, patience=4), scorer=Scorer(lambda _: 1.0))
     flat.run()
     first = QUICK.sigma
-    # 1, 3, 4 and 6 are of the region; 2 and 5 are bold, and do not count.
-    assert [c.sigma for c in flat.candidates][:7] == [first] * 7
-    assert flat.candidates[7].sigma == first / 2.0
+    # 2, 4, 6 and 8 are of the region; odd ones are bold, and do not count.
+    assert [c.sigma for c in flat.candidates][:9] == [first] * 9
+    assert flat.candidates[9].sigma == first / 2.0
     near = search(replace(QUICK, patience=4, far=0.0), scorer=Scorer(lambda _: 1.0))
     near.run()
     assert [c.sigma for c in near.candidates][4:6] == [first, first / 2.0]

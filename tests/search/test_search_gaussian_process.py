@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sfkit.search.gaussian_process import LENGTHS, NOISES, fit, matern
+from sfkit.search.gaussian_process import LENGTHS, NOISES, fit, log_evidence, matern
 
 
 def data(seed: int, count: int = 14) -> tuple[tuple[np.ndarray, np.ndarray], np.ndarray]:
@@ -63,6 +63,7 @@ def test_no_neighbour_on_the_grid_explains_the_values_better() -> None:
         return -0.5 * (len(values) * math.log(fitted) + np.linalg.slogdet(gram)[1] + math.log(weight))
 
     found = evidence(process.lengths, process.noise)
+    assert log_evidence(process, values) == pytest.approx(found, abs=1e-6)
     for group, length in enumerate(process.lengths):
         for step in (-1, 1):
             index = LENGTHS.index(length) + step

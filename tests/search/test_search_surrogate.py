@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sfkit.merging.recipe import routed
-from sfkit.search.surrogate import Bend, block_features, learned
+from sfkit.search.surrogate import Bend, learned, routing_features, routing_views
 
 SCORES = st.floats(-100.0, 100.0)
 UNITS = st.floats(0.1, 50.0)
@@ -18,9 +18,39 @@ UNITS = st.floats(0.1, 50.0)
 
 def test_a_block_is_seen_by_the_coefficients_of_its_task_vectors() -> None:
     recipe = routed(("a", "b"), ("first", "last"), [(0.25, 0.75), (0.5, 0.5)], (1.0, 1.5))
-    first, last = block_features([recipe], ("b", "c", "a"), ("first", "last"))
+    first, last = routing_features([recipe], ("b", "c", "a"), ("first", "last"), tied=False)
     assert first.tolist() == [[0.75, 0.0, 0.25]]
     assert last.tolist() == [[0.75, 0.0, 0.75]]
+
+
+def test_tied_blocks_are_seen_by_weights_and_scales_apart_and_by_coefficients() -> None:
+    tied = routed(("a", "b"), ("first", "last"), [(0.25, 0.75)] * 2, (1.0, 1.5))
+    untied = routed(("a", "b"), ("first", "last"), [(0.25, 0.75), (0.75, 0.25)], (0.5, 1.0))
+    names, blocks = ("b", "c", "a"), ("first", "last")
+    seen = routing_features([tied, untied], names, blocks, tied=True)
+    weights, differences, first, last = (seen[group] for group in routing_views(2, tied=True)[0])
+    assert weights.tolist() == [[0.75, 0.0, 0.25], [0.5, 0.0, 0.5]]
+    quarter = 0.25 / math.sqrt(2.0)
+    assert differences == pytest.approx(
+        np.array([[0.0] * 6, [quarter, 0.0, -quarter, -quarter, 0.0, quarter]])
+    )
+    assert (first.tolist(), last.tolist()) == ([[1.0], [0.5]], [[1.5], [1.0]])
+    coefficients = [seen[group] for group in routing_views(2, tied=True)[1]]
+    alone = routing_features([tied, untied], names, blocks, tied=False)
+    assert np.array_equal(coefficients, alone)
+    assert routing_views(2, tied=False) == ((0, 1),)
+
+
+def test_the_view_that_explains_the_scores_is_looked_at() -> None:
+    rng = np.random.default_rng(1)
+    one, other = rng.random((30, 2)), rng.random((30, 2))
+    for values, told in ((np.sin(3.0 * one).sum(axis=1), (0,)), (np.sin(3.0 * other).sum(axis=1), (1,))):
+        model = learned((one, other), values, views=((0,), (1,)))
+        assert model.groups == told
+        like = learned((one, other), values, like=model)
+        assert like.groups == told
+    # Of ways that see the same the first is taken.
+    assert learned((one, one), np.sin(one).sum(axis=1), views=((1,), (0,))).groups == (1,)
 
 
 @given(SCORES, SCORES, UNITS)
