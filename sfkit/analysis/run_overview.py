@@ -95,11 +95,8 @@ def parallel_axes(routes: Sequence[RoutedCandidate]) -> ParallelAxes:
     )
 
 
-COLUMNS = (
-    *("run", "stage", "state", "metric", "best", "subset", "evaluations", "from store"),
-    *("wall s", "CPU s"),
-)
-"""Of the table of all searches."""
+COLUMNS = ("run", "stage", "state", "metric", "best", "subset", "scored", "stored", "wall s", "CPU s")
+"""Of the table of all searches: scored are its distinct evaluations, stored those that the store had."""
 
 
 def run_cells(folder: str, metric: str, stage: StageOverview) -> list[tuple[str, float | str]]:

@@ -19,7 +19,7 @@ import { parallelPicture } from "./run_parallel.js";
  * @property {Axes | null} axes
  */
 
-const NUMBERS = ["best", "evaluations", "from store", "wall s", "CPU s"];
+const NUMBERS = ["best", "scored", "stored", "wall s", "CPU s"];
 const NO_SEARCH = "No search has left a journal here. Run one, then press Read again.";
 
 /** @param {{model: import("./_shared.js").Model, el: HTMLElement}} host */
