@@ -15,7 +15,6 @@ from sfkit.colours import (
     ERROR,
     SHARE,
     Stops,
-    averaged,
     colour_at,
     embedded,
     error_position,
@@ -23,6 +22,7 @@ from sfkit.colours import (
     lookup,
     paint,
     picked,
+    shrunk,
     text_on,
 )
 from sfkit.errors import InputError
@@ -154,7 +154,7 @@ def test_pixels_are_picked_and_photographs_averaged() -> None:
     np.testing.assert_array_equal(picked(values, 5), values)
     board = np.zeros((4, 4, 3), np.uint8)
     board[::2, ::2] = 200
-    np.testing.assert_array_equal(averaged(board, 2), np.full((2, 2, 3), 50))
+    np.testing.assert_array_equal(shrunk(board, 2), np.full((2, 2, 3), 50))
 
 
 def test_an_embedded_picture_decodes_to_the_same_rgb() -> None:
