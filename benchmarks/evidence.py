@@ -64,7 +64,7 @@ def written(study: EvidenceStudy, kept: KeptRuns, head: str) -> str:
     Raises:
         SystemExit: nothing of it is finished.
     """
-    if not any(kept.done(name).is_file() for name in kept.jobs()):
+    if not kept.finished() & kept.jobs().keys():
         raise SystemExit("nothing is finished yet: run python benchmarks/evidence.py first (hours)")
     guards = kept.results("guards-")
     parts = [head + _budgets(study), _guards(guards, study), _course(guards)]

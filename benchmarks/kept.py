@@ -1,4 +1,7 @@
-"""Runs that take hours together: each is kept as a CSV file as soon as it is finished."""
+"""Runs that take hours together: each is kept as a CSV file as soon as it is finished.
+
+``--record`` writes those of the folder into ``benchmarks/recorded``, from where another machine goes on.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,9 @@ from sfkit.files import write_text
 
 RUNS = Path(os.environ.get("SFKIT_EVIDENCE", Path(__file__).parents[1] / "runs" / "evidence"))
 """Where they lie, unless the environment says where."""
+
+RECORDED = Path(__file__).parent / "recorded"
+"""Finished runs that are part of the repository: ``SET-KIND.csv``, a run's name before its rows."""
 
 Job = Callable[[Path], pd.DataFrame]
 """Computes one run; the folder holds the store by which an interrupted one goes on."""
@@ -36,13 +42,49 @@ class KeptRuns:
     folder: Path
 
     def done(self, name: str) -> Path:
-        """The file of a finished run."""
+        """The file of a run that finished here."""
         return self.folder / f"{name}.csv"
+
+    def finished(self) -> set[str]:
+        """The names of all finished runs, here and recorded."""
+        here = {path.stem for path in self.folder.glob("*.csv")}
+        return here.union(*(frame["run"] for frame in self._recorded().values()))
 
     def results(self, prefix: str) -> pd.DataFrame:
         """All finished runs whose name begins so, as one table; empty where there is none."""
-        frames = [pd.read_csv(path) for path in sorted(self.folder.glob(f"{prefix}*.csv"))]
+        here = {path.stem: path for path in sorted(self.folder.glob(f"{prefix}*.csv"))}
+        frames = [pd.read_csv(path) for path in here.values()]
+        for frame in self._recorded().values():
+            # A run that was made again here counts once.
+            wanted = frame["run"].str.startswith(prefix) & ~frame["run"].isin(here)
+            frames.append(frame[wanted].drop(columns="run"))
+        frames = [frame for frame in frames if not frame.empty]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
+
+    def record(self) -> None:
+        """Add the runs that finished here to the repository's, a file for each kind of run."""
+        kinds: dict[str, list[pd.DataFrame]] = {}
+        recorded = self._recorded()
+        for path in sorted(self.folder.glob("*.csv")):
+            frame = pd.read_csv(path)
+            frame.insert(0, "run", path.stem)
+            kinds.setdefault(_kind(path.stem), []).append(frame)
+        for kind, frames in kinds.items():
+            fresh = pd.concat(frames, ignore_index=True)
+            if kind in recorded:
+                old = recorded[kind]
+                fresh = pd.concat([old[~old["run"].isin(fresh["run"])], fresh], ignore_index=True)
+            rows = fresh.sort_values("run", kind="stable")
+            # Six digits are more than any table shows.
+            text = rows.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+            write_text(RECORDED / f"{self.folder.name}-{kind}.csv", text)
+
+    def _recorded(self) -> dict[str, pd.DataFrame]:
+        """Kind of run -> the recorded rows."""
+        head = f"{self.folder.name}-"
+        return {
+            path.stem.removeprefix(head): pd.read_csv(path) for path in sorted(RECORDED.glob(f"{head}*.csv"))
+        }
 
     def main(self, arguments: Sequence[str] | None = None) -> None:
         """Make what is missing."""
@@ -52,10 +94,17 @@ class KeptRuns:
         parser.add_argument("prefix", nargs="?", default="", help="only runs whose name begins so")
         parser.add_argument("--minutes", type=float, default=float("inf"), help="begin nothing after so long")
         parser.add_argument("--most", type=int, default=None, help="begin at most so many")
+        parser.add_argument(
+            "--record", action="store_true", help="write what finished here into benchmarks/recorded"
+        )
         parser.add_argument("--list", action="store_true", help="print the names and what is done")
         options = parser.parse_args(arguments)
         jobs = {name: job for name, job in self.jobs().items() if name.startswith(options.prefix)}
-        missing = [name for name in jobs if not self.done(name).is_file()]
+        if options.record:
+            self.record()
+            return
+        finished = self.finished()
+        missing = [name for name in jobs if name not in finished]
         if options.list:
             print("\n".join(f"{'missing' if name in missing else 'done   '} {name}" for name in jobs))
             return
@@ -69,3 +118,8 @@ class KeptRuns:
             whole = jobs[name](self.folder).to_csv(index=False)
             write_text(self.done(name), whole)
             print(f"{name}: {time.process_time() - began:.0f} CPU seconds", flush=True)
+
+
+def _kind(name: str) -> str:
+    """What runs with the same columns share: the first word of their names."""
+    return name.partition("-")[0]

@@ -3,6 +3,7 @@
     python benchmarks/optimum.py --minutes 30         # go on with what is missing, at most so long
     python benchmarks/optimum.py grown                # a part of it
     python benchmarks/optimum.py --list               # what there is to do, and what is done
+    python benchmarks/optimum.py --record             # keep what is done in the repository
     python benchmarks/results.py optimum              # write what is there into benchmarks/README.md
 
 As ``search.py``, on the scores of all subsets of the first bank, where an evaluation is a look into a
@@ -170,7 +171,7 @@ def section() -> str:
     Raises:
         SystemExit: that is nothing.
     """
-    if not any(kept.folder.glob("*.csv")):
+    if not kept.finished():
         raise SystemExit("nothing is finished yet: run python benchmarks/optimum.py first")
     parts = [HEAD]
     for text, table in (("", searches_table), (BATCHED, batches_table), (GROWTH, growth_table)):
