@@ -10,12 +10,14 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sfkit.errors import InputError
+from sfkit.errors import InputError, SfkitWarning
 
+_NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)  # of a file system without them
 _PATIENCE, _PAUSE = 1.0, 0.05  # seconds to wait for a lock that :func:`is_held` may just be looking at
 _NAME = 50  # characters of a name that a temporary one repeats: names end at 255 bytes
 PACKAGE = Path(__file__).resolve().parent
@@ -80,8 +82,11 @@ def holding(lock: Path, refusal: str) -> Iterator[None]:
         lock: the lock's file.
         refusal: the sentence for who comes second.
 
+    Warns (:class:`~sfkit.errors.SfkitWarning`) where the file system has no locks: nobody is kept out then.
+
     Raises:
-        InputError: ``refusal``, where another process, or another block of this one, holds it.
+        InputError: ``refusal``, where another process, or another block of this one, holds it; or the file
+            may not be written to.
     """
     from filelock import FileLock, Timeout  # not for commands that hold nothing
 
@@ -92,6 +97,16 @@ def holding(lock: Path, refusal: str) -> Iterator[None]:
         held.acquire(timeout=_PATIENCE, poll_interval=_PAUSE)
     except Timeout as error:
         raise InputError(refusal) from error
+    except (OSError, NotImplementedError) as error:
+        if isinstance(error, OSError) and error.errno not in _NO_LOCKS:
+            raise InputError(
+                f"{lock}: cannot be locked ({error.strerror}), expected a file that this user may write to"
+            ) from error
+        warnings.warn(
+            f"{lock}: its file system has no locks: let one process at a time work here",
+            SfkitWarning,
+            stacklevel=3,
+        )
     try:
         yield
     finally:
@@ -109,7 +124,7 @@ def is_held(lock: Path) -> bool:
         probe.acquire(blocking=False)
     except Timeout:
         return True
-    except OSError:  # of another user, who alone may write there: not told
+    except (OSError, NotImplementedError):  # of another user, or without locks: not told
         return False
     probe.release()
     return False

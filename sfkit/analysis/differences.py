@@ -96,7 +96,7 @@ def advantage(reference: Map, network: Map, threshold: float) -> Advantage:
 
     Args:
         reference: (H, W) absolute errors in pixels, NaN where no pixel counts, ``inf`` where the
-            prediction is not finite (:func:`~sfkit.analysis.disparities.error_map`).
+            prediction is not finite (:func:`~sfkit.analysis.pair_maps.error_map`).
         network: the same of the other network.
         threshold: in pixels; an error is bad beyond it.
 

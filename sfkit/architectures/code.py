@@ -290,11 +290,14 @@ def _declares(places: Sequence[str]) -> bool:
     """Whether an installed package may declare one: its file is looked into, for importlib.metadata, which is
     asked only then, takes as long as all else a refusal needs.
     """
-    files = ("*.dist-info/entry_points.txt", "*.egg-info/entry_points.txt")
+    files = ("*.dist-info/entry_points.txt", "*.egg-info/entry_points.txt", "EGG-INFO/entry_points.txt")
     for place in map(Path, places):
-        if place.is_file():  # an archive, into which importlib.metadata looks
-            return True
-        for file in (found for pattern in files for found in place.glob(pattern)):
-            if f"[{GROUP}]" in file.read_text(encoding="utf-8", errors="replace"):
+        try:
+            if place.is_file():  # an archive, into which importlib.metadata looks
                 return True
+            for file in (found for pattern in files for found in place.glob(pattern)):
+                if f"[{GROUP}]" in file.read_text(encoding="utf-8", errors="replace"):
+                    return True
+        except OSError:  # not to be looked into by this user: importlib.metadata says what it finds
+            return True
     return False

@@ -224,8 +224,9 @@ def evaluation_of(row: Sequence[Any], path: Path) -> Evaluation:
         DamagedStoreError: it is not what was written.
     """
     key, description, errors, failure, seconds, checksum, worked = row
-    # None in rows from before there were checksums.
-    if checksum not in (None, _checksum(*row[:5], worked)):
+    # None in rows from before there were checksums. A process of an earlier version, which knows no CPU
+    # seconds, leaves those of the failure that its result replaces.
+    if checksum not in (None, _checksum(*row[:5], worked), _checksum(*row[:5], None)):
         raise DamagedStoreError(
             f"{path}: is damaged, evaluation {key} is not what was written: {salvage(path)}"
         )

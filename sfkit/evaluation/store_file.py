@@ -63,7 +63,8 @@ def open_store(path: Path, *, read_only: bool = False) -> sqlite3.Connection:
 
     Args:
         path: the file, or ``:memory:``.
-        read_only: whether one that cannot be written to is opened for reading.
+        read_only: whether one that cannot be written to is opened for reading; one of an earlier version is
+            left as it is then.
 
     Raises:
         StoreError: the file is damaged, no store, empty, or written by a newer sfkit; or it cannot be made.
@@ -89,7 +90,7 @@ def open_store(path: Path, *, read_only: bool = False) -> sqlite3.Connection:
             raise StoreError(
                 f"{path}: is empty, expected an evaluation store or a new file's name: name another"
             )
-        return _opened(path, mode)
+        return _opened(path, mode, read_only=read_only)
     except DAMAGE as error:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF
         if read_only and code in _NO_ACCESS and os.access(path, os.R_OK):
@@ -156,7 +157,7 @@ def salvage(path: Path) -> str:
     )
 
 
-def _opened(path: Path, mode: str) -> sqlite3.Connection:
+def _opened(path: Path, mode: str, *, read_only: bool = False) -> sqlite3.Connection:
     db = sqlite3.connect(path, timeout=OPEN_SECONDS, check_same_thread=False)
     try:
         if mode == "delete":  # held alone, a log can be turned without shared memory
@@ -164,7 +165,10 @@ def _opened(path: Path, mode: str) -> sqlite3.Connection:
         if str(path) != MEMORY:
             _check_identity(db, path)
         if not _complete(db, mode):
-            _make(db, mode)
+            # Columns are added by who writes: a reader would lock out those who run an earlier version.
+            served = _complete(db, mode, columns=False)
+            if not (read_only and served):
+                _complete_or_leave(db, mode, served=served)
         if mode == "delete":
             db.execute("PRAGMA locking_mode = NORMAL")
             db.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()  # lets go of it
@@ -208,11 +212,20 @@ def _create(path: Path, fill: Callable[[sqlite3.Connection], None]) -> None:
                 fresh.rename(path)
 
 
-def _complete(db: sqlite3.Connection, mode: str) -> bool:
-    """True where everything :func:`_make` makes is there."""
+def _complete_or_leave(db: sqlite3.Connection, mode: str, *, served: bool) -> None:
+    """Make what is missing; one that may not be written to is left as it is where it can be ``served``."""
+    try:
+        _make(db, mode)
+    except sqlite3.Error as error:
+        if not served or getattr(error, "sqlite_errorcode", 0) & 0xFF not in _NO_ACCESS:
+            raise
+
+
+def _complete(db: sqlite3.Connection, mode: str, *, columns: bool = True) -> bool:
+    """True where everything :func:`_make` makes is there; without ``columns`` added ones may be missing."""
     (found,) = db.execute("PRAGMA journal_mode").fetchone()
     (marks,) = db.execute("SELECT COUNT(*) FROM sqlite_master WHERE name = 'marks'").fetchone()
-    return found == mode and bool(marks) and set(_ADDED) <= set(_columns(db))
+    return found == mode and bool(marks) and (not columns or set(_ADDED) <= set(_columns(db)))
 
 
 def readable_columns(db: sqlite3.Connection, wanted: str) -> str:

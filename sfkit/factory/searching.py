@@ -11,7 +11,7 @@ from pathlib import Path
 
 from sfkit.errors import InputError
 from sfkit.factory.file import SEARCHED, Factory
-from sfkit.factory.outputs import COSTS, RECORD, SEARCH
+from sfkit.factory.outputs import COSTS, RECORD, SCORES, SEARCH
 from sfkit.factory.standing import DONE, INTERRUPTED, MISSING, RUNNING, STALE
 from sfkit.files import is_held, write_text
 from sfkit.search.run_folder import LOCK
@@ -55,7 +55,8 @@ def search_status(factory: Factory, files: Mapping[str, Path], measured: float |
     elif made == identity(factory, files):
         state = DONE
     elif made is None and (folder / BEGUN).is_file():
-        state = INTERRUPTED
+        # Without a record, but with scores: a version that kept no record finished it.
+        state = STALE if (factory.out / SCORES).is_file() else INTERRUPTED
     else:
         state = MISSING if made is None else STALE
     took, each = _last(factory)

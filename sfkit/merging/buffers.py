@@ -21,7 +21,7 @@ def allocate(elements: int, *, mapped: bool, folder: Path | None = None) -> torc
     only what is written takes up disk, and it is gone with the process however that ends.
 
     Raises:
-        InputError: the disk has no room for it (:func:`~sfkit.merging.cache.ensure_room`).
+        InputError: the disk has no room for it (:func:`~sfkit.merging.cache.ensure_pages`).
     """
     if not mapped or elements == 0:
         return torch.zeros(elements, dtype=torch.float32)

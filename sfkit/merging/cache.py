@@ -44,7 +44,7 @@ class VectorRecord:
     """A cached task vector's description, beside its values and their checksum.
 
     Attributes:
-        cosine: of source to base; see :class:`~sfkit.checkpoints.checks.Kinship`.
+        cosine: of source to base; see :class:`~sfkit.checkpoints.kinship.Kinship`.
         distance: likewise.
         source: the file it was made from, for the listing.
     """

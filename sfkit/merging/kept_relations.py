@@ -36,33 +36,38 @@ class Relations:
     blocks: Mapping[str, int]
 
 
-def recall(spec: PoolSpec, blocks: Mapping[str, tuple[str, ...]]) -> Relations | None:
-    """What was kept of a pool with these blocks; None where nothing was, or a file has changed since."""
+def place_of(spec: PoolSpec, blocks: Mapping[str, tuple[str, ...]]) -> Path | None:
+    """The file for a pool as it lies there now: its name says everything that the relations follow from.
+
+    None where a member cannot be looked at, which reading it tells, or there is no folder to keep it in.
+    """
     try:
-        values = json.loads(_place(spec, blocks).read_text(encoding="utf-8"))
+        members = [(m.name, str(m.path.absolute()), signature(m.path)) for m in (spec.base, *spec.sources)]
+        told = (VERSION, spec.architecture, sorted(spec.options.items()), list(blocks.items()), members)
+        return default_folder() / FOLDER / f"{text_digest(json.dumps(told))}.json"
+    except (OSError, InputError):
+        return None
+
+
+def recall(spec: PoolSpec, place: Path) -> Relations | None:
+    """What was kept of a pool in its file; None where nothing was."""
+    try:
+        values = json.loads(place.read_text(encoding="utf-8"))
         kinships = {name: Kinship(**values["kinships"][name]) for name in (s.name for s in spec.sources)}
         return Relations(kinships, {str(block): int(size) for block, size in values["blocks"].items()})
-    except (OSError, InputError, ValueError, LookupError, TypeError, AttributeError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
         # Torn, or written by another version: it is worked out anew, and written over.
         return None
 
 
-def keep(spec: PoolSpec, blocks: Mapping[str, tuple[str, ...]], found: Relations) -> None:
+def keep(place: Path, found: Relations) -> None:
     """Write it down for the next time; where nothing can be written that one takes as long as this one."""
     kinships = {name: asdict(kinship) for name, kinship in found.kinships.items()}
     # Kept for speed alone: where it cannot be written nothing is lost.
     try:
-        place = _place(spec, blocks)
         write_text(place, json.dumps({"kinships": kinships, "blocks": dict(found.blocks)}), durable=False)
         kept = sorted(place.parent.glob("*.json"), key=lambda path: -path.stat().st_mtime)
         for path in kept[MOST:]:
             path.unlink(missing_ok=True)
-    except (OSError, InputError):
+    except OSError:
         return
-
-
-def _place(spec: PoolSpec, blocks: Mapping[str, tuple[str, ...]]) -> Path:
-    """Its file, by everything that the relations follow from."""
-    members = [(m.name, str(m.path.absolute()), signature(m.path)) for m in (spec.base, *spec.sources)]
-    told = (VERSION, spec.architecture, sorted(spec.options.items()), list(blocks.items()), members)
-    return default_folder() / FOLDER / f"{text_digest(json.dumps(told))}.json"

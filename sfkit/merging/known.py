@@ -26,7 +26,7 @@ from sfkit.checkpoints.spec import PoolSpec
 from sfkit.checkpoints.stored import StoredFile, stored_file
 from sfkit.errors import InputError, unknown_name
 from sfkit.merging.blocks import BlockPartition
-from sfkit.merging.kept_relations import Relations, keep, recall
+from sfkit.merging.kept_relations import Relations, keep, place_of, recall
 
 if TYPE_CHECKING:
     import numpy as np
@@ -154,9 +154,13 @@ def relations(spec: PoolSpec) -> Relations | None:
         return None
     if any(member.wrapping not in (None, Wrapping()) for member in (spec.base, *spec.sources)):
         return None
-    found = recall(spec, entry.blocks)
-    if found is None and (found := _relations(spec, entry)) is not None:
-        keep(spec, entry.blocks, found)
+    place = place_of(spec, entry.blocks)
+    found = recall(spec, place) if place else None
+    if found is None:
+        found = _relations(spec, entry)
+        # A file that was replaced meanwhile would be remembered by what the former one said.
+        if found and place and place_of(spec, entry.blocks) == place:
+            keep(place, found)
     return found
 
 

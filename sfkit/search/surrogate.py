@@ -14,6 +14,7 @@ from sfkit.merging.recipe import Recipe
 from sfkit.search.gaussian_process import Array, GaussianProcess, Points, fit, log_evidence
 from sfkit.search.records import Candidate
 
+TIED = 1e-9  # a group of features that differ by less, which is rounding, says nothing
 LARGEST = 400
 """The most points a model learns from, the best ones; its cost grows with the cube of their number."""
 
@@ -250,11 +251,12 @@ def learned(
     bent = bend(values[kept])
     found = []
     for view in views or (tuple(range(len(chosen))),):
-        groups = tuple(g for g in view if spread[g] > 0.0) or view[:1]
+        groups = tuple(g for g in view if spread[g] > TIED) or view[:1]
         found.append(Surrogate(fit(tuple(chosen[g] for g in groups), bent), groups, bend))
     if len(found) == 1:
         return found[0]
-    return max(found, key=lambda one: log_evidence(one.process, bent))
+    # Rounded, as bounds are: the last bit of a sum is the processor's, and a tie goes to the earlier view.
+    return max(found, key=lambda one: float(f"{log_evidence(one.process, bent):.9g}"))
 
 
 def _bend(values: Array, knee: float) -> Bend:

@@ -107,7 +107,7 @@ def finetune(
 
     Args:
         base: the checkpoint; None starts from weights drawn from the seed, to make a base.
-        data: see :func:`sfkit.datasets.open_training_set`.
+        data: see :func:`sfkit.datasets.training_sets.open_training_set`.
         out: the file to write.
         name: the architecture, for a base that does not say it.
         options: the architecture's options.
@@ -275,8 +275,11 @@ def _is_first() -> bool:
     return not dist.is_initialized() or dist.get_rank() == 0
 
 
-def _cost(result: TrainedSource) -> dict[str, float]:
-    seconds, cpu = round(result.seconds, 1), round(result.cpu_seconds, 1)
+def _cost(result: TrainedSource) -> dict[str, float | None]:
+    seconds = round(result.seconds, 1)
+    # One of several processes knows what it took itself, and nothing of the others.
+    alone = not dist.is_initialized() or dist.get_world_size() == 1
+    cpu = round(result.cpu_seconds, 1) if alone else None
     return {"seconds": seconds, "cpu_seconds": cpu, "loss": result.loss}
 
 

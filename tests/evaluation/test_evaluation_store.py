@@ -14,6 +14,7 @@ import threading
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -200,6 +201,50 @@ def test_a_store_from_before_cpu_seconds_were_measured_goes_on_and_does_not_gues
         assert table.isna().tolist() == [True, False]
     with closing(sqlite3.connect(path)) as db:
         assert db.execute("PRAGMA user_version").fetchone() == (2,), "an sfkit of then would call it damaged"
+
+
+def _of_version_1(path: Path) -> None:
+    with EvaluationStore(path) as store:
+        store.put(evaluation("a"))
+    with closing(sqlite3.connect(path)) as db, db:
+        db.execute("ALTER TABLE evaluations DROP COLUMN cpu_seconds")
+        db.execute("PRAGMA user_version = 1")
+
+
+def test_who_only_reads_leaves_a_store_of_an_earlier_version_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    _of_version_1(path)
+    before = path.read_bytes()
+    with EvaluationStore(path, read_only=True) as store:
+        assert [(e.images, e.cpu_seconds) for e in store] == [((IMAGE,), None)]
+    assert path.read_bytes() == before, "an sfkit of then must be able to go on with it"
+
+
+def test_one_that_may_not_be_written_to_is_served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "s.sqlite"
+    _of_version_1(path)
+    real = sqlite3.connect
+
+    def protected(*arguments: Any, **options: Any) -> sqlite3.Connection:
+        db = real(*arguments, **options)
+        db.execute("PRAGMA query_only = ON")  # as for a user without the right, which the tests may have
+        return db
+
+    monkeypatch.setattr(sqlite3, "connect", protected)
+    with EvaluationStore(path) as store:
+        assert store.get(evaluation("a").key) is not None
+
+
+def test_a_result_that_an_earlier_version_wrote_over_a_failure_is_no_damage(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with EvaluationStore(path) as store:
+        key = store.put(evaluation("a")).key
+    with closing(sqlite3.connect(path)) as db, db:  # the failure's, which it did not know of
+        db.execute("UPDATE evaluations SET cpu_seconds = 3.0")
+    with EvaluationStore(path) as store:
+        held = store.get(key)
+    assert held is not None
+    assert held.images == (IMAGE,)
 
 
 def test_cpu_seconds_that_were_changed_are_damage(tmp_path: Path) -> None:

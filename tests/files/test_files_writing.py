@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import stat
 import subprocess
@@ -13,6 +15,7 @@ import pytest
 
 import sfkit
 from sfkit import files
+from sfkit.errors import InputError, SfkitWarning
 
 
 def test_a_file_appears_whole_and_alone(tmp_path: Path) -> None:
@@ -144,3 +147,32 @@ def test_a_lock_is_held_as_long_as_its_process_lives(tmp_path: Path) -> None:
     with files.holding(lock, "busy"):
         assert files.is_held(lock), "by this very process"
     assert not files.is_held(lock)
+
+
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOTSUP])
+def test_where_a_file_system_has_no_locks_work_goes_on_with_a_word(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+) -> None:
+    def flock(*_: object) -> None:
+        raise OSError(code, os.strerror(code))
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    with (
+        pytest.warns(SfkitWarning, match="has no locks: let one process at a time"),
+        files.holding(tmp_path / "x", "busy"),
+    ):
+        assert not files.is_held(tmp_path / "x")
+
+
+def test_a_lock_of_another_user_is_refused_in_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def open_(*_: object, **__: object) -> int:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+
+    monkeypatch.setattr(os, "open", open_)
+    with (
+        pytest.raises(InputError, match=r"x: cannot be locked \(Permission denied\), expected"),
+        files.holding(tmp_path / "x", "busy"),
+    ):
+        raise AssertionError("it was held")

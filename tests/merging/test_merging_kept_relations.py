@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
@@ -90,6 +91,21 @@ def test_a_damaged_note_is_worked_out_anew(
     first = known.relations(spec)
     harm(kept(tmp_path)[0])
     assert known.relations(spec) == first
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_not_remembered(
+    spec: PoolSpec, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = known._relations
+
+    def replaced(*arguments: Any) -> known.Relations | None:
+        found = read(*arguments)
+        _weights(spec.sources[0].path)
+        return found
+
+    monkeypatch.setattr(known, "_relations", replaced)
+    known.relations(spec)
+    assert kept(tmp_path) == []
 
 
 def test_what_is_kept_can_be_cleared(spec: PoolSpec, tmp_path: Path) -> None:

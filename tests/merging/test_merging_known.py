@@ -17,7 +17,7 @@ from safetensors.torch import load_file, save_file
 from tiny import write_pool
 
 from sfkit import bank
-from sfkit.architectures import registry
+from sfkit.architectures import code, registry
 from sfkit.checkpoints.checks import Kind
 from sfkit.checkpoints.fingerprints import COUNTER
 from sfkit.checkpoints.spec import PoolSpec, read_pool_spec
@@ -236,3 +236,20 @@ def test_what_installed_packages_declare_is_asked_too(
         unused.setitem(sys.modules, "sfkit.architectures.registry", registry)
         with pytest.warns(SfkitWarning, match=said) if said else nullcontext():
             assert recognition.recognised(base) == expected
+
+
+def test_architectures_of_eggs_and_of_places_that_may_not_be_entered_are_left_to_importlib(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not code._declares([str(tmp_path), str(tmp_path / "nowhere")])
+    (tmp_path / "EGG-INFO").mkdir()
+    (tmp_path / "EGG-INFO" / "entry_points.txt").write_text("[sfkit.architectures]\nold = old_net\n")
+    assert code._declares([str(tmp_path)])
+    (tmp_path / "EGG-INFO" / "entry_points.txt").write_text("[console_scripts]\nold = old_net\n")
+    assert not code._declares([str(tmp_path)])
+
+    def closed(path: Path) -> bool:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_file", closed)
+    assert code._declares([str(tmp_path)])
