@@ -71,10 +71,10 @@ def stage_costs(stages: Mapping[str, Counts]) -> tuple[StageCost, ...]:
     )
 
 
-def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
-    """A row a stage and their total: candidates, evaluations by origin, seconds (NaN: unknown)."""
+def total_cost(costs: Sequence[StageCost]) -> StageCost:
+    """What stages took together; CPU seconds are None as soon as those of one are."""
     numbers = ("computed", "cached", "repeated", "failed")
-    total = StageCost(
+    return StageCost(
         "total",
         **{name: sum(getattr(cost, name) for cost in costs) for name in numbers},
         seconds=math.fsum(cost.seconds for cost in costs),
@@ -82,6 +82,11 @@ def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
         cpu_seconds=total_known(cost.cpu_seconds for cost in costs),
         cpu_seconds_saved=total_known(cost.cpu_seconds_saved for cost in costs),
     )
+
+
+def cost_table(costs: Sequence[StageCost]) -> pd.DataFrame:
+    """A row a stage and their total: candidates, evaluations by origin, seconds (NaN: unknown)."""
+    total = total_cost(costs)
     rows = [
         {
             "stage": cost.stage,

@@ -8,8 +8,7 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from sfkit.analysis.costs import JOINT, MethodCost, Overhead, StageCost
-from sfkit.evaluation.outcome import total_known
+from sfkit.analysis.costs import JOINT, MethodCost, Overhead, StageCost, total_cost
 from sfkit.figures.theme import ACCENT, LOOKS, WARM, finish, read_theme
 
 BOUND = "a lower bound: evaluations alone count, those a store serves as when they were computed"
@@ -55,15 +54,13 @@ def cost_figure(costs: Sequence[StageCost], *, theme: str = "auto", height: int 
     figure.update_yaxes(title_text="stage", row=1, col=1)
     figure.update_xaxes(title_text="candidates (number)", row=1, col=1)
     figure.update_xaxes(title_text="evaluation time (s, wall)", row=1, col=2)
-    spent, saved = sum(c.seconds for c in costs), sum(c.seconds_saved for c in costs)
-    worked = total_known(c.cpu_seconds for c in costs)
+    total = total_cost(costs)
     return finish(
         figure,
         theme=theme,
         title="What did the search cost?",
-        subtitle=f"{sum(c.computed for c in costs):,} evaluations computed in {spent:,.1f} s "
-        f"({_seconds(worked)} of CPU); "
-        f"the store saved {saved:,.1f} s",
+        subtitle=f"{total.computed:,} evaluations computed in {total.seconds:,.1f} s "
+        f"({_seconds(total.cpu_seconds)} of CPU); the store saved {total.seconds_saved:,.1f} s",
         height=height or 36 * len(costs) + 230,
         barmode="stack",
     )

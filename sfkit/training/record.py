@@ -21,7 +21,7 @@ TOLD_EVERY = 1.0  # seconds of training between two writings of how far it is
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """How far a training that is not done is.
 
     Attributes:
@@ -82,7 +82,7 @@ def costs_of(out: Path) -> tuple[float | None, float | None]:
     return None if wall is None else float(wall), None if worked is None else float(worked)
 
 
-def progress_of(out: Path) -> Progress | None:
+def progress_of(out: Path) -> TrainingProgress | None:
     """How far the training of a file is; None where none was begun.
 
     A training that was killed before it saved a state begins anew, but its pace is known.
@@ -95,7 +95,7 @@ def progress_of(out: Path) -> Progress | None:
     step, pace = saved or 0, None
     if told is not None:
         step, pace = (told["step"] if running else step), told["seconds"] / told["step"]
-    return Progress(running, step, pace)
+    return TrainingProgress(running, step, pace)
 
 
 def _told(folder: Path) -> dict[str, Any] | None:

@@ -288,9 +288,9 @@ def test_axe_finds_nothing_serious(
             origin = shown.root.get_by_role("heading", name="Where does it come from?")
             assert_becomes(shown.page, origin.count, int(widget is by_model))
         if isinstance(widget, RunTable):
-            shown.root.get_by_role("button", name="evaluations").click()
+            shown.root.get_by_role("button", name="scored").click()
             sorted_by = shown.root.locator("th[aria-sort=ascending]")
-            assert_becomes(shown.page, sorted_by.all_inner_texts, ["evaluations"])
+            assert_becomes(shown.page, sorted_by.all_inner_texts, ["scored"])
             shown.root.locator("tbody tr").filter(has_text="Stage 2").click()
             assert_becomes(shown.page, shown.root.locator(".sfkit-runs-figure polyline").count, 10)
         assert shown.findings() == [], type(widget).__name__

@@ -141,7 +141,7 @@ def test_a_search_moves_its_bar_with_every_network(
     assert any(0 < done < total for done, total in reached), "one of a generation's networks at a time"
     text = ESCAPE.sub("", written)
     assert re.search(r"Stage 1 100 % \|.*\| 8 of 8", text)
-    assert re.search(r"Stage 2 100 % \|.*\| 4 of 4, .* best \d+\.\d{4} \(", text)
+    assert re.search(r"Stage 2 100 % \|.*\| 4 of 4, .* best \d+\.\d{2} \(", text)
     assert "Stage 1, generation" not in text
 
 
