@@ -87,7 +87,8 @@ def section() -> str:
     return f"""## The start of the command line
 
 CPU seconds until a command has answered, the least of {REPEATS} runs, and how often what a Python takes that
-imports typer, which no command can do without. Refusals take at most
+imports typer, which no command can do without. Pools are shown again: the first time reads their files, which
+takes twice as long. Refusals take at most
 {table.loc[refused, "CPU s"].max():.2f} s.
 
 {markdown(table)}
