@@ -12,9 +12,9 @@ and a pool that gains each source of the best subset in turn. pymoo, DEAP and Op
 installed (``make bench``).
 
 What is recorded rests on 200 seeds a search, but for Optuna's GP sampler, which takes 0.2 to 0.6 s of
-computing an evaluation (123 seeds on 20 pairs, 1 on 8, where an earlier record has six of which three found
-it within 60), the same search by scikit-learn's model (20), that by BoTorch's (none; an earlier record has
-5 on 20 pairs, 37 at the median, 1.4 s an evaluation) and the greedy soup, which draws nothing (1).
+computing an evaluation (123 seeds on 20 pairs, 7 on 8), the same search by scikit-learn's model (20), that by
+BoTorch's (1 on 20 pairs) and the greedy soup, which draws nothing (1). ``--record`` keeps what another
+machine adds.
 """
 
 from __future__ import annotations
