@@ -47,44 +47,31 @@ class KeptRuns:
 
     def finished(self) -> set[str]:
         """The names of all finished runs, here and recorded."""
-        here = {path.stem for path in self.folder.glob("*.csv")}
-        return here.union(*(frame["run"] for frame in self._recorded().values()))
+        return set(self._frames())
 
     def results(self, prefix: str) -> pd.DataFrame:
         """All finished runs whose name begins so, as one table; empty where there is none."""
-        here = {path.stem: path for path in sorted(self.folder.glob(f"{prefix}*.csv"))}
-        frames = [pd.read_csv(path) for path in here.values()]
-        for frame in self._recorded().values():
-            # A run that was made again here counts once.
-            wanted = frame["run"].str.startswith(prefix) & ~frame["run"].isin(here)
-            frames.append(frame[wanted].drop(columns="run"))
-        frames = [frame for frame in frames if not frame.empty]
+        frames = [frame for name, frame in self._frames().items() if name.startswith(prefix)]
         return pd.concat(frames, ignore_index=True) if frames else pd.DataFrame()
 
     def record(self) -> None:
         """Add the runs that finished here to the repository's, a file for each kind of run."""
-        kinds: dict[str, list[pd.DataFrame]] = {}
-        recorded = self._recorded()
-        for path in sorted(self.folder.glob("*.csv")):
-            frame = pd.read_csv(path)
-            frame.insert(0, "run", path.stem)
-            kinds.setdefault(_kind(path.stem), []).append(frame)
+        kinds: dict[str, dict[str, pd.DataFrame]] = {}
+        for name, frame in self._frames().items():
+            kinds.setdefault(name.partition("-")[0], {})[name] = frame
         for kind, frames in kinds.items():
-            fresh = pd.concat(frames, ignore_index=True)
-            if kind in recorded:
-                old = recorded[kind]
-                fresh = pd.concat([old[~old["run"].isin(fresh["run"])], fresh], ignore_index=True)
-            rows = fresh.sort_values("run", kind="stable")
+            rows = pd.concat(frames, names=["run"]).reset_index("run")
             # Six digits are more than any table shows.
             text = rows.to_csv(index=False, float_format="%.6g", lineterminator="\n")
             write_text(RECORDED / f"{self.folder.name}-{kind}.csv", text)
 
-    def _recorded(self) -> dict[str, pd.DataFrame]:
-        """Kind of run -> the recorded rows."""
-        head = f"{self.folder.name}-"
-        return {
-            path.stem.removeprefix(head): pd.read_csv(path) for path in sorted(RECORDED.glob(f"{head}*.csv"))
-        }
+    def _frames(self) -> dict[str, pd.DataFrame]:
+        """Name -> rows of every finished run, by name; one that was made again here counts once."""
+        found: dict[str, pd.DataFrame] = {}
+        for path in RECORDED.glob(f"{self.folder.name}-*.csv"):
+            found |= {str(name): rows.drop(columns="run") for name, rows in pd.read_csv(path).groupby("run")}
+        found |= {path.stem: pd.read_csv(path) for path in self.folder.glob("*.csv")}
+        return dict(sorted(found.items()))
 
     def main(self, arguments: Sequence[str] | None = None) -> None:
         """Make what is missing."""
@@ -118,8 +105,3 @@ class KeptRuns:
             whole = jobs[name](self.folder).to_csv(index=False)
             write_text(self.done(name), whole)
             print(f"{name}: {time.process_time() - began:.0f} CPU seconds", flush=True)
-
-
-def _kind(name: str) -> str:
-    """What runs with the same columns share: the first word of their names."""
-    return name.partition("-")[0]
