@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from sfkit.evaluation.known import Known
     from sfkit.search.averaging import Averaged, averaged_winner
     from sfkit.search.base import Search, SearchState
-    from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
-    from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
+    from sfkit.search.bayesian_routing import BayesianRoutingSearch
+    from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings
+    from sfkit.search.bayesian_subset import BayesianSubsetSearch
     from sfkit.search.breeding import SubsetSettings
     from sfkit.search.constraints import Constraints, subset_of, transfer
     from sfkit.search.encoding import Encoding, mean_entropy

@@ -22,12 +22,13 @@ from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.acquisition import equal_weights, smallest_bound, unmet
-from sfkit.search.breeding import Draft, SubsetSettings
-from sfkit.search.checks import LARGEST_POPULATION, require_known
+from sfkit.search.bayesian_settings import BayesianSubsetSettings
+from sfkit.search.breeding import Draft
+from sfkit.search.checks import require_known
 from sfkit.search.constraints import Constraints, subset_of
 from sfkit.search.gaussian_process import Array, Points
 from sfkit.search.journal import Journal
-from sfkit.search.operators import SMALLEST, Chromosome, SubsetSpace, random_chromosome
+from sfkit.search.operators import SMALLEST, Chromosome, random_chromosome
 from sfkit.search.records import SubsetCandidate
 from sfkit.search.subset import SubsetSearch, SubsetState
 from sfkit.search.surrogate import (
@@ -40,51 +41,9 @@ from sfkit.search.surrogate import (
     learned,
     recipe_features,
 )
-from sfkit.settings import between, setting, whole
 from sfkit.streams import Stream, generator
 
 _TRIES = 1000
-
-
-@dataclass(frozen=True)
-class BayesianSubsetSettings(SubsetSettings):
-    """Settings of Stage 1 by a model.
-
-    Attributes:
-        population: how many subsets are scored before there is a model: all sources together, then random
-            ones. The population of a generation is the best so many that are known.
-        singles: whether every source is scored alone as well, before there is a model. It wins nothing, since
-            a subset has two sources or more, but tells the model where the corners are.
-        generations: how many times the model proposes.
-        batch: q, candidates proposed at a time, for as many workers.
-        beta: standard deviations that the bound lies below the mean; more explores more.
-        seed: at least 0.
-        crossover, mutation, redraw, survival: of :class:`SubsetSettings`, not used here.
-
-    Raises:
-        InputError: a value out of its range.
-    """
-
-    population: int = setting(
-        8, help="Subsets scored before there is a model.", check=whole(2, LARGEST_POPULATION)
-    )
-    generations: int = setting(41, help="How many times the model proposes.", check=whole(0))
-    singles: bool = setting(default=True, help="Whether sources are scored alone as well.")
-    batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))
-    beta: float = setting(2.5, help="Deviations the bound lies below the mean.", check=between(0.0))
-
-    @property
-    def offspring(self) -> int:
-        """Candidates that a generation creates."""
-        return self.batch
-
-    def proposals(self, space: SubsetSpace) -> int:
-        """The most candidates of a search without starts that knows nothing before."""
-        return self.alone(space) + min(self.population, space.subsets) + self.generations * self.batch
-
-    def alone(self, space: SubsetSpace) -> int:
-        """How many of them are one source each, and so no subset that may be chosen."""
-        return len(space.allowed) if self.singles else 0
 
 
 @dataclass(frozen=True, kw_only=True)

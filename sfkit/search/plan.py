@@ -15,8 +15,9 @@ from sfkit.evaluation.outcome import Scorer
 from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.averaging import check_averaging
-from sfkit.search.bayesian_routing import PROPOSALS, BayesianRoutingSearch, BayesianRoutingSettings
-from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
+from sfkit.search.bayesian_routing import PROPOSALS, BayesianRoutingSearch
+from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.checks import METHODS, check_parts, check_resamples
 from sfkit.search.constraints import Constraints

@@ -24,8 +24,9 @@ from sfkit.errors import InputError
 from sfkit.evaluation.known import Known
 from sfkit.merging.recipe import Recipe
 from sfkit.search import Journal, read_journal
-from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
-from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
+from sfkit.search.bayesian_routing import BayesianRoutingSearch
+from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch
 from sfkit.search.subset import SubsetSearch, SubsetSettings
 
 SCORE = subset_landscape(5, 1)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sfkit import Journal, Outcome, Recipe, RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
-from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
-from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
+from sfkit.search.bayesian_routing import BayesianRoutingSearch
+from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch
 
 SOURCES = ("haze", "indoor", "night", "rain", "street")
 BLOCKS = ("backbone", "volume", "head")

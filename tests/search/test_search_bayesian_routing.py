@@ -15,7 +15,8 @@ from sfkit.evaluation.known import Known
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search import Constraints, RoutingSearch, RoutingSettings
-from sfkit.search.bayesian_routing import BayesianRoutingSearch, BayesianRoutingSettings
+from sfkit.search.bayesian_routing import BayesianRoutingSearch
+from sfkit.search.bayesian_settings import BayesianRoutingSettings
 from sfkit.search.surrogate import routing_features
 
 SOURCES = names(3)

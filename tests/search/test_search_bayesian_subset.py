@@ -16,7 +16,8 @@ from sfkit.evaluation.outcome import Outcome
 from sfkit.merging.recipe import Recipe, routed
 from sfkit.search import Constraints, Journal, LiveSearch, read_journal
 from sfkit.search.acquisition import equal_weights, listed, smallest_bound
-from sfkit.search.bayesian_subset import BayesianSubsetSearch, BayesianSubsetSettings
+from sfkit.search.bayesian_settings import BayesianSubsetSettings
+from sfkit.search.bayesian_subset import BayesianSubsetSearch
 from sfkit.search.operators import SubsetSpace
 from sfkit.search.progress import watched_progress
 
