@@ -41,7 +41,7 @@ A *bad* pixel is off by more than 3 pixels; scores are bad-3.0 in percent over a
 occluded ones too, mean over images; EPE is the mean error in pixels. Lower is better everywhere.
 
 Demo, notebooks and report open a later bank, of stronger networks that nobody softened: see
-[its page](bank.md). Most sections of the recorded results that name neither were measured on this one.
+[its page](bank.md). The recorded results say which of the two they are of.
 """
 
 

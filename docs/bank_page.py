@@ -72,7 +72,7 @@ DIFFERENCE = {
         "also bare surfaces, stripes, thin things, tilts, walls and grounds; twice as many things",
     ),
     "sources": (
-        "120 to 960 steps, longer where the bar asked for it",
+        "400 steps, up to 960 where the bar asked for it",
         "10 epochs on 400 scenes in batches of 8 such windows by `sfkit.finetune`, batch norm frozen, alike "
         "for all",
     ),

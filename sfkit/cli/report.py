@@ -39,7 +39,7 @@ def report(
 
     \b
     Example:
-      sfkit report -p pool pool.toml -p quick true -o report.html
+      sfkit report -p quick true -o report.html
       sfkit report 01_quickstart -p seed 1 -o quickstart.html --figures svg
     """
     from sfkit.reports.browsers import check_pictures
