@@ -14,7 +14,7 @@ from __future__ import annotations
 import functools
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from enum import StrEnum
 from pathlib import Path
@@ -47,6 +47,8 @@ class Group:
         only: the fields to offer; all unless given.
         defaults: field -> default, where commands have another one than the record; None where it depends.
         notes: field -> what to add to its help.
+        said: whether ``make`` gets only what was said, on the command line or in a file, though it be what
+            help calls the default.
     """
 
     record: type[Any]
@@ -55,6 +57,7 @@ class Group:
     only: tuple[str, ...] = ()
     defaults: Mapping[str, Any] = field(default_factory=dict)
     notes: Mapping[str, str] = field(default_factory=dict)
+    said: bool = False
 
     def options(self) -> dict[str, inspect.Parameter]:
         """Field -> the parameter that typer makes an option of."""
@@ -69,11 +72,13 @@ class Group:
                 found[entry.name] = _option(entry.name, types[entry.name], default, declared, self.panel)
         return found
 
-    def collect(self, values: Mapping[str, Any]) -> Any:
-        """The record, from the values of all options of a command by parameter."""
+    def collect(self, values: Mapping[str, Any], said: Container[str]) -> Any:
+        """The record, from the values of all options of a command by parameter, of which some were said."""
         types = get_type_hints(self.record)
         own = {}
         for name, option in self.options().items():
+            if self.said and option.name not in said:
+                continue
             value = values[option.name]
             if types[name] == NAMES:
                 value = names(value or "")
@@ -81,6 +86,15 @@ class Group:
                 value = _size_or_none(option.name, value)
             own[name] = value
         return (self.make or self.record)(**own)
+
+    def flag(self, name: str, value: Any) -> str:
+        """How a value of a field is said on the command line, such as ``--no-fan`` for False."""
+        entry = next(entry for entry in fields(self.record) if entry.name == name)
+        declared = setting_of(entry)
+        own = () if declared is None else declared.flags
+        flags = _flags(name, self.defaults.get(name, entry.default), own)
+        on, _, off = _long(flags).partition("/")
+        return off if off and value is False else on
 
     def spread(self, record: Any) -> dict[str, Any]:
         """The other way: what the options would have to say for that record, by parameter."""
@@ -108,16 +122,25 @@ def grouped(command: Callable[..., Answer]) -> Callable[..., Answer]:
                 options.setdefault(option.name, option)
     plain = [name for name in options if name in inspect.signature(command).parameters]
     options["config"] = _config_option({name: option.annotation for name, option in options.items()})
+    # Typer fills it in by its type: it knows which options were said.
+    options["context"] = _keyword("context", typer.Context, inspect.Parameter.empty)
 
     @functools.wraps(command)
-    def run(**values: Any) -> Answer:
-        records = {name: group.collect(values) for name, group in groups.items()}
+    def run(context: typer.Context, **values: Any) -> Answer:
+        said = {name for name in values if _said(context, name)}
+        records = {name: group.collect(values, said) for name, group in groups.items()}
         return command(**{name: values[name] for name in plain}, **records)
 
     # What typer looks at in place of the command's own.
     run.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]
     run.__annotations__ = {name: option.annotation for name, option in options.items()}
     return run
+
+
+def _said(context: typer.Context, parameter: str) -> bool:
+    """Whether a parameter's value was given, be it the default."""
+    source = context.get_parameter_source(parameter)
+    return source is not None and source.name != "DEFAULT"
 
 
 class PlainHelp:
@@ -235,11 +258,8 @@ def _as_option(kind: Any, value: Any) -> Any:
 
 
 def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -> inspect.Parameter:
-    plain = f"--{name.replace('_', '-')}"
-    # What is on unless told otherwise needs a word that turns it off.
-    flags = declared.flags or ((f"{plain}/--no-{plain[2:]}",) if default is True else (plain,))
-    long = next(flag for flag in flags if flag.startswith("--"))
-    parameter = long.partition("/")[0].removeprefix("--").replace("-", "_")
+    flags = _flags(name, default, declared.flags)
+    parameter = _long(flags).partition("/")[0].removeprefix("--").replace("-", "_")
     told = typer.Option(*flags, help=declared.help, rich_help_panel=panel)
     if default is None and isinstance(kind, type):
         kind = kind | None
@@ -250,6 +270,17 @@ def _option(name: str, kind: Any, default: Any, declared: Setting, panel: str) -
         kind = str  # the record refuses what is none of its words
     default = inspect.Parameter.empty if default is MISSING else default
     return _keyword(parameter, Annotated[kind, told], default)
+
+
+def _flags(name: str, default: Any, own: tuple[str, ...]) -> tuple[str, ...]:
+    """A field's own flags, or one of its name."""
+    plain = f"--{name.replace('_', '-')}"
+    # What is on unless told otherwise needs a word that turns it off.
+    return own or ((f"{plain}/--no-{plain[2:]}",) if default is True else (plain,))
+
+
+def _long(flags: tuple[str, ...]) -> str:
+    return next(flag for flag in flags if flag.startswith("--"))
 
 
 def _config_option(types: Mapping[str, Any]) -> inspect.Parameter:

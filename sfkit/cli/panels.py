@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 from sfkit.cli.foreseen import ensure_benchmark
 from sfkit.cli.groups import Group, names
 from sfkit.evaluation.compute import PARAMETERS, PASSES, Compute, check_device
-from sfkit.search import Constraints, RoutingSettings, SubsetSettings
+from sfkit.search import (
+    BayesianRoutingSettings,
+    BayesianSubsetSettings,
+    Constraints,
+    RoutingSettings,
+    SubsetSettings,
+)
 from sfkit.settings import setting
 
 if TYPE_CHECKING:
@@ -102,14 +108,15 @@ def _compute(**values: Any) -> Compute:
     return Compute(**values)
 
 
-def _given(**values: Any) -> dict[str, Any]:
-    """What has a value, so that the method may choose the rest."""
-    return {name: value for name, value in values.items() if value is not None}
-
-
 def _routing(**values: Any) -> RoutingSettings:
     # A rank is for blocks that are not tied.
     return RoutingSettings(**{**values, "tied": values["tied"] and values["rank"] is None})
+
+
+def _added(model: type[Any], paper: type[Any]) -> tuple[str, ...]:
+    """The settings that a model has and the paper's search of that stage has not."""
+    before = {entry.name for entry in fields(paper)}
+    return tuple(entry.name for entry in fields(model) if entry.name not in before)
 
 
 _ROOT = {"csv": "Its folder is the root."}
@@ -127,26 +134,42 @@ DeviceOptions = Annotated[Compute, replace(_COMPUTE, only=("device",), defaults=
 PassOptions = Annotated[Compute, replace(_COMPUTE, only=PASSES, defaults={})]
 InlineOptions = Annotated[Compute, replace(_COMPUTE, defaults={})]
 NotebookComputeOptions = Annotated[Compute, replace(_COMPUTE, only=PARAMETERS)]
-Stage1Options = Annotated[
-    dict[str, Any],
-    Group(
-        SubsetSettings,
-        "Stage 1: which sources",
-        make=_given,
-        defaults={"population": None, "generations": None},
-        notes={"population": "50, by bayesian 8.", "generations": "15, by bayesian 41 / batch."},
-    ),
-]
-Stage2Options = Annotated[
-    dict[str, Any],
-    Group(
-        RoutingSettings,
-        "Stage 2: how",
-        make=_given,
-        defaults={"evaluations": None},
-        notes={"evaluations": "300, by bayesian 80."},
-    ),
-]
+# What was said alone: the method chooses the rest, and refuses what it would not use.
+STAGE1 = Group(
+    SubsetSettings,
+    "Stage 1: which sources",
+    make=dict,
+    defaults={"population": None, "generations": None},
+    notes={
+        "population": "50, by bayesian 8.",
+        "generations": "15, by bayesian 41 / batch and at least 3.",
+        **dict.fromkeys(BayesianSubsetSettings.UNUSED, "Only by paper."),
+    },
+    said=True,
+)
+STAGE2 = Group(
+    RoutingSettings,
+    "Stage 2: how",
+    make=dict,
+    defaults={"evaluations": None},
+    notes={
+        "evaluations": "300, by bayesian 80.",
+        "sigma": "By bayesian the first radius of the region.",
+        **dict.fromkeys(("holdout", *BayesianRoutingSettings.UNUSED), "Only by paper."),
+    },
+    said=True,
+)
+MODEL1, MODEL2 = (
+    Group(model, "Only by bayesian: the model", make=dict, only=_added(model, paper), notes=notes, said=True)
+    for model, paper, notes in (
+        (BayesianSubsetSettings, SubsetSettings, {"beta": "Stage 1."}),
+        (BayesianRoutingSettings, RoutingSettings, {"beta": "Stage 2."}),
+    )
+)
+Stage1Options = Annotated[dict[str, Any], STAGE1]
+Stage2Options = Annotated[dict[str, Any], STAGE2]
+Model1Options = Annotated[dict[str, Any], MODEL1]
+Model2Options = Annotated[dict[str, Any], MODEL2]
 ConstraintOptions = Annotated[Constraints, Group(Constraints, "Limits of both stages")]
 
 Stage1Settings = Annotated[SubsetSettings, Group(SubsetSettings, "Stage 1, as a method")]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sfkit.cli.foreseen import roster_of
+from sfkit.cli.methods import stages
 from sfkit.cli.options import (
     DtypeOption,
     ForceOption,
@@ -31,16 +32,17 @@ from sfkit.cli.panels import (
     ComputeOptions,
     ConstraintOptions,
     GuidanceOptions,
+    Model1Options,
+    Model2Options,
     Stage1Options,
     Stage2Options,
 )
 from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_of, trust_entry, trust_lines
 from sfkit.cli.watching import Watch
-from sfkit.errors import InputError, ensure_known
-from sfkit.search import Constraints, RoutingSettings, SubsetSettings
+from sfkit.errors import InputError
+from sfkit.search import Constraints, RoutingSettings
 from sfkit.search.checks import METHODS, check_parts, check_resamples
 from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
-from sfkit.settings import require_whole
 
 if TYPE_CHECKING:
     from sfkit.datasets.metric import Metric
@@ -60,6 +62,8 @@ def search(
     guidance: GuidanceOptions,
     stage1: Stage1Options,
     stage2: Stage2Options,
+    model1: Model1Options,
+    model2: Model2Options,
     constraints: ConstraintOptions,
     compute: ComputeOptions,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write to.")] = Path("runs/search"),
@@ -67,7 +71,6 @@ def search(
         str,
         typer.Option(help="paper: genetic algorithm, then CMA-ES; bayesian: a model of the score proposes."),
     ] = "paper",
-    batch: Annotated[int, typer.Option(help="By bayesian: how many are proposed at a time.")] = 1,
     subset: SubsetOption = None,
     subset_from: SubsetFromOption = None,
     start: Annotated[
@@ -106,8 +109,13 @@ def search(
       sfkit search pool.toml -b eth3d -r ~/ETH3D --test kitti2012,root=~/KITTI
       sfkit search pool.toml -b pairs -r ~/pairs --resamples 200
     """
-    ensure_known("method", method, METHODS)
-    first, second = SubsetSettings(**stage1), _stage2(stage2)
+    first, second = stages(
+        method,
+        {**stage1, **model1},
+        {**stage2, **model2},
+        subset=(subset or subset_from) is not None,
+        start=start is not None,
+    )
     kept_in = store or out / STORE
     places = Places(start=start, subset_from=subset_from, csv=data.csv)
     places.folder("--out", out, (*OUTPUTS, SEARCH, LOCK))
@@ -115,7 +123,6 @@ def search(
     if not force:
         refuse_unclaimed(out)
     chosen, begin = _subset(subset, subset_from), recipe_of(start) if start is not None else None
-    require_whole("batch", batch, 1)
     check_resamples(resamples, second)
     check_parts(chosen, second, begin)
     _ensure_names(roster_of(pool, blocks, dtype), chosen, second, constraints, begin)
@@ -139,8 +146,6 @@ def search(
         start=begin,
         resamples=resamples,
     )
-    # The model has sizes of its own; those that were named go before them.
-    plan = plan if method == "paper" else _sized(plan.by(method, batch), stage1, stage2)
     opened = pool_of(pool, blocks, dtype)
     plan.check(opened)
     ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)
@@ -188,13 +193,6 @@ def search(
     emit(document, "\n".join([*judge.lines(found), text]), as_json=json)
 
 
-def _stage2(given: Mapping[str, Any]) -> RoutingSettings | None:
-    if given.get("evaluations") == 0:
-        return None
-    # A rank is for blocks that are not tied.
-    return RoutingSettings(**{**given, "tied": given["tied"] and "rank" not in given})
-
-
 def _ensure_names(
     pool: Roster | None,
     subset: tuple[str, ...] | None,
@@ -215,15 +213,6 @@ def _ensure_names(
         encoding = encoding_of(pool.subset(subset), blocks, second, constraints)
         if start is not None and pool.blocks is not None:
             encoding.admit(start)
-
-
-def _sized(plan: SearchPlan, stage1: Mapping[str, Any], stage2: Mapping[str, Any]) -> SearchPlan:
-    """The plan with the sizes that were named; the method's own for the others."""
-    sizes = {name: stage1[name] for name in ("population", "generations", "survival") if name in stage1}
-    second = plan.stage2
-    if second is not None and "evaluations" in stage2:
-        second = replace(second, evaluations=stage2["evaluations"])
-    return replace(plan, stage1=replace(plan.stage1, **sizes), stage2=second)
 
 
 def _other_cost(plan: SearchPlan, price: Estimate, pool: Pool) -> str | None:

@@ -35,6 +35,8 @@ def guides_of(
     """
     if guidance.combine not in ("mean", "worst"):
         raise InputError(f"--combine: found {guidance.combine!r}, expected mean or worst")
+    if guidance.combine != "mean" and not guidance.also:
+        raise InputError(f"--combine: found {guidance.combine} and one benchmark; name others by --also")
     for option, texts in (("--also", guidance.also), ("--test", tests)):
         for text in texts or ():
             values = _arguments(option, text)

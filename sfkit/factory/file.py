@@ -31,6 +31,7 @@
     method = "paper"                    # or "bayesian"
     population = 50
     generations = 15
+    batch = 1                           # by "bayesian": how many are proposed at a time
     evaluations = 300                   # 0 leaves Stage 2 out
     combine = "mean"                    # of several validation benchmarks, or "worst"
     seed = 0
@@ -75,7 +76,7 @@ KEYS = (
     "tests",
 )
 SOURCE_KEYS = ("data", "root", "pairs", "training", "licence", "all", "coding")
-SIZES = ("population", "generations", "evaluations", "seed", "resamples")
+SIZES = ("population", "generations", "evaluations", "batch", "seed", "resamples")
 SEARCH_KEYS = ("method", "combine", *SIZES)
 TABLES = ("options", "training", "sources", "search")
 COMBINATIONS = ("mean", "worst")
@@ -162,13 +163,17 @@ def read_factory(path: str | Path) -> Factory:
     common, search = tables["training"], table(tables["search"], f"[search] in {path}", SEARCH_KEYS)
     combine = search.get("combine", COMBINATIONS[0])
     ensure_known(f"combine of [search] in {path}", combine, COMBINATIONS)
+    guides, tested = (_several(values.get(key, [])) for key in ("validation", "tests"))
+    if combine != COMBINATIONS[0] and len(guides) == 1:
+        raise InputError(
+            f"combine of [search] in {path}: found {combine} and one benchmark; write several [[validation]]"
+        )
     sizes = {
         key: require_whole(f"{key} of [search] in {path}", search[key], 0) for key in SIZES if key in search
     }
     method, joint = str(search.get("method", METHODS[0])), _truth(values, "joint", str(path))
     ensure_known("method", method, METHODS)
     settings = {source: _settings(path, source, entry, common) for source, entry in tables["sources"].items()}
-    guides, tested = (_several(values.get(key, [])) for key in ("validation", "tests"))
     given = tuple(_given(path, entry) for entry in (*guides, *tested))
     from sfkit.architectures.registry import entry_for
     from sfkit.datasets.benchmark import open_benchmarks
@@ -281,7 +286,8 @@ def _plan(method: str, sizes: Mapping[str, int]) -> SearchPlan:
     from sfkit.search.plan import SearchPlan
 
     seed = sizes.get("seed", 0)
-    plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed)).by(method)
+    plan = SearchPlan(stage1=SubsetSettings(seed=seed), stage2=RoutingSettings(seed=seed))
+    plan = plan.by(method, sizes.get("batch", 1))
     first: dict[str, Any] = {key: sizes[key] for key in ("population", "generations") if key in sizes}
     plan = replace(plan, stage1=replace(plan.stage1, **first))
     if plan.stage2 is not None:

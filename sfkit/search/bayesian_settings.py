@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, ClassVar
 
 from sfkit.errors import InputError
 from sfkit.search.breeding import SubsetSettings
@@ -13,6 +14,29 @@ from sfkit.settings import between, positive, setting, whole
 
 if TYPE_CHECKING:
     from sfkit.search.operators import SubsetSpace
+
+PROPOSED = 41
+"""Proposals of Stage 1, however many come at a time."""
+LEAST_ROUNDS = 3
+
+
+def rounds(batch: int) -> int:
+    """How many times Stage 1's model proposes ``batch`` subsets, where nothing else was asked for.
+
+    As many as make 41 proposals, and three at least: a batch learns nothing of itself.
+    """
+    return max(LEAST_ROUNDS, -(-PROPOSED // batch))
+
+
+def _refuse_unused(settings: SubsetSettings | RoutingSettings, unused: Iterable[str], paper: type) -> None:
+    """Refuse what the paper's search of that stage is asked, and no model, unless it is as it was."""
+    for entry in fields(settings):
+        value = getattr(settings, entry.name)
+        if entry.name in unused and value != entry.default:
+            raise InputError(
+                f"{entry.name}: found {value!r}, expected {entry.default!r}: a search by a model does not "
+                f"use it; take {paper.__name__} (--method paper)"
+            )
 
 
 @dataclass(frozen=True)
@@ -31,16 +55,22 @@ class BayesianSubsetSettings(SubsetSettings):
         crossover, mutation, redraw, survival: of :class:`SubsetSettings`, not used here.
 
     Raises:
-        InputError: a value out of its range.
+        InputError: a value out of its range, or one for what is not used here.
     """
+
+    UNUSED: ClassVar[tuple[str, ...]] = ("crossover", "mutation", "redraw", "survival")
 
     population: int = setting(
         8, help="Subsets scored before there is a model.", check=whole(2, LARGEST_POPULATION)
     )
-    generations: int = setting(41, help="How many times the model proposes.", check=whole(0))
+    generations: int = setting(PROPOSED, help="How many times the model proposes.", check=whole(0))
     singles: bool = setting(default=True, help="Whether sources are scored alone as well.")
     batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))
     beta: float = setting(2.5, help="Deviations the bound lies below the mean.", check=between(0.0))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_unused(self, self.UNUSED, SubsetSettings)
 
     @property
     def offspring(self) -> int:
@@ -82,12 +112,16 @@ class BayesianRoutingSettings(RoutingSettings):
         holdout: 0 alone; population, converge, tolfun and tolx are CMA-ES's and not used here.
 
     Raises:
-        InputError: a value out of its range.
+        InputError: a value out of its range, or one for what is not used here.
     """
+
+    UNUSED: ClassVar[tuple[str, ...]] = ("population", "converge", "tolfun", "tolx")
 
     evaluations: int = setting(80, help="Evaluations at most (N_eval).", check=whole(1))
     batch: int = setting(1, help="Candidates proposed at a time (q).", check=whole(1))
-    beta: float = setting(2.0, help="Deviations a bold bound lies below the mean.", check=between(0.0))
+    beta: float = setting(
+        2.0, "--stage2-beta", help="Deviations a bold bound lies below the mean.", check=between(0.0)
+    )
     far: float = setting(1.5, help="Largest radius of bold proposals; 0 for none.", check=between(0.0))
     patience: int = setting(4, help="Proposals without a gain that shrink the region.", check=whole(1))
     smallest: float = setting(0.02, help="Radius at which the region begins again.", check=positive)
@@ -99,3 +133,4 @@ class BayesianRoutingSettings(RoutingSettings):
                 f"holdout: found {self.holdout!r}, expected 0: the model learns from all validation pairs; "
                 "use RoutingSettings (--method paper) to hold some out"
             )
+        _refuse_unused(self, self.UNUSED, RoutingSettings)

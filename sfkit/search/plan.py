@@ -16,7 +16,7 @@ from sfkit.merging.pool import Pool
 from sfkit.merging.recipe import Recipe
 from sfkit.search.averaging import check_averaging
 from sfkit.search.bayesian_routing import PROPOSALS, BayesianRoutingSearch
-from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings
+from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings, rounds
 from sfkit.search.bayesian_subset import BayesianSubsetSearch
 from sfkit.search.breeding import SubsetSettings
 from sfkit.search.checks import METHODS, check_parts, check_resamples
@@ -29,8 +29,7 @@ from sfkit.search.run_folder import NAMES
 from sfkit.search.subset import SubsetSearch
 from sfkit.settings import require_whole
 
-_PROPOSED = BayesianSubsetSettings().generations
-_SHARED = ("seed", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
+_SHARED = ("seed", "sigma", "gamma", "tied", "scaled", "rank", "entropy", "shrinkage", "floor")
 
 
 @dataclass(frozen=True)
@@ -102,19 +101,24 @@ class SearchPlan:
 
         Args:
             method: ``"paper"`` or ``"bayesian"``.
-            batch: candidates the latter proposes at a time.
+            batch: candidates the latter proposes at a time. Stage 1 has three rounds of them at least; Stage
+                2 keeps its number of evaluations.
 
         Raises:
-            InputError: another word than these, or a hold-out for the latter.
+            InputError: another word than these, a hold-out for the latter, or a batch for the former.
         """
         ensure_known("method", method, METHODS)
         require_whole("batch", batch, 1)
+        if method == "paper" and batch != 1:
+            raise InputError(
+                f"batch: found {batch} with method paper, whose generations have the population's size; "
+                "leave it out or take method bayesian"
+            )
         seed, second = self.stage1.seed, self.stage2
         stage1: SubsetSettings = SubsetSettings(seed=seed)
         stage2: RoutingSettings | None = None
         if method == "bayesian":
-            # As many proposals in all, however many come at a time.
-            stage1 = BayesianSubsetSettings(seed=seed, generations=-(-_PROPOSED // batch), batch=batch)
+            stage1 = BayesianSubsetSettings(seed=seed, generations=rounds(batch), batch=batch)
         if second is not None:
             # What is searched stays as it was asked for; sizes are the other method's own.
             kept = {name: getattr(second, name) for name in _SHARED}

@@ -57,9 +57,11 @@ class App:
         dish: Annotated[str, typer.Argument()],
         oven: Annotated[Oven, Group(Oven, "The oven", defaults={"heat": 200})],
         clock: Annotated[Clock, Group(Clock, "The clock")],
+        said: Annotated[dict[str, Any], Group(Oven, "The oven", make=dict, said=True)],
     ) -> None:
         """Bake."""
         self.heard.append((dish, oven, clock))
+        self.said = said
 
     def __call__(self, line: str) -> Kitchen:
         self.app(line.split(), standalone_mode=False)
@@ -80,6 +82,22 @@ def test_every_type_of_field_has_its_form(app: App) -> None:
     assert dish == "pie"
     assert oven == Oven(70, fan=False, times=(0.5, 3.0), trays=("a", "b"))
     assert clock.alarm == 1.5
+
+
+def test_a_group_may_ask_for_what_was_said_alone(app: App, tmp_path: Path) -> None:
+    """What help calls the default is said where it was typed, or stands in a file."""
+    file = tmp_path / "pie.toml"
+    file.write_text("fan = true\n")
+    app(f"pie --heat 200 --config {file}")
+    assert app.said == {"heat": 200, "fan": True}
+    app("pie")
+    assert app.said == {}
+
+
+def test_a_value_is_called_by_its_flag() -> None:
+    oven, clock = Group(Oven, "The oven"), Group(Clock, "The clock")
+    assert [oven.flag("fan", value) for value in (True, False)] == ["--fan", "--no-fan"]
+    assert (oven.flag("heat", 90), clock.flag("alarm", 2.0)) == ("--heat", "--alarm")
 
 
 def test_an_option_of_two_records_is_one_option(app: App) -> None:

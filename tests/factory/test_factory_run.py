@@ -36,6 +36,7 @@ from sfkit.factory.standing import DONE, INTERRUPTED, MISSING, RUNNING, STALE
 from sfkit.files import default_folder, holding, write_text
 from sfkit.reports.parameters import parameter_defaults
 from sfkit.reports.run import read_notebook
+from sfkit.search import BayesianRoutingSettings
 from sfkit.search.run_folder import LOCK, SEARCH
 from sfkit.training.finetune import finetune
 
@@ -207,6 +208,10 @@ def test_a_source_that_was_begun_goes_on_where_it_was(tmp_path: Path) -> None:
         ("batch = 2", "bach = 2", "unknown key of .* 'bach'"),
         ("population = 4", 'population = "x"', "population of .*: found 'x', expected a whole number"),
         ("evaluations = 0", "evaluations = 2.7", "evaluations of .*: found 2.7, expected a whole number"),
+        ("evaluations = 0", "sigma = 0.2", r"unknown key of \[search\] in .* 'sigma'"),
+        ("evaluations = 0", "batch = 4", "batch: found 4 with method paper, .*take method bayesian"),
+        ("evaluations = 0", 'batch = 0\nmethod = "bayesian"', "batch: found 0, expected .* at least 1"),
+        ("evaluations = 0", 'combine = "worst"', "combine of .*: found worst and one benchmark"),
         ("[sources.haze]", '[sources."a b"]', "source name 'a b', expected letters, digits"),
         (
             'name = "bank:grey-workshop"\npairs = 1',
@@ -293,13 +298,14 @@ def test_several_guides_a_method_and_what_the_search_costs_at_most(tmp_path: Pat
     path = write(tmp_path, "haze", "far-scene", "thin-things")
     text = path.read_text().replace("[validation]", "[[validation]]", 1)
     text = text.replace("[[tests]]", '[[validation]]\nname = "bank:hazy-road"\npairs = 2\n\n[[tests]]')
-    named = 'evaluations = 12\nmethod = "bayesian"\ncombine = "worst"\nresamples = 50'
+    named = 'evaluations = 12\nbatch = 2\nmethod = "bayesian"\ncombine = "worst"\nresamples = 50'
     text = text.replace("evaluations = 0", named)
     path.write_text(text)
     factory = read_factory(path)
     assert factory.plan.resamples == 50
     assert [len(guide) for guide in factory.validation] == [1, 2]
     assert (factory.combine, factory.plan.method) == ("worst", "bayesian")
+    assert factory.plan.stage2 == BayesianRoutingSettings(evaluations=12, batch=2)
     # Of three sources four subsets, and each alone; and the average of what wins resamples.
     assert most_evaluations(factory) == 4 + 3 + 12 + 1
     with pytest.raises(sfkit.InputError, match="2 validation benchmarks, method bayesian"):

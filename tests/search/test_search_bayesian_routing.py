@@ -178,9 +178,13 @@ def test_the_region_shrinks_where_nothing_better_is_found() -> None:
     # 2, 4, 6 and 8 are of the region; odd ones are bold, and do not count.
     assert [c.sigma for c in flat.candidates][:9] == [first] * 9
     assert flat.candidates[9].sigma == first / 2.0
-    near = search(replace(QUICK, patience=4, far=0.0), scorer=Scorer(lambda _: 1.0))
+    near = search(replace(QUICK, patience=4, far=0.0, sigma=0.2), scorer=Scorer(lambda _: 1.0))
     near.run()
-    assert [c.sigma for c in near.candidates][4:6] == [first, first / 2.0]
+    assert [c.sigma for c in near.candidates][4:6] == [0.2, 0.1]
+    # Its draws follow: without a bold one none is far from x = 0.
+    found = search(replace(QUICK, far=0.0, sigma=0.03, evaluations=3))
+    found.run()
+    assert 0.0 < max(abs(number) for c in found.candidates for number in c.x) < 0.3
 
 
 def test_a_search_that_was_begun_again_fits_as_one_that_was_not() -> None:

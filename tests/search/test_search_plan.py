@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 from tiny import write_pool
@@ -12,6 +13,7 @@ from sfkit.errors import InputError
 from sfkit.evaluation.outcome import Outcome
 from sfkit.merging import Pool, Recipe, open_pool
 from sfkit.search import (
+    BayesianRoutingSettings,
     BayesianSubsetSettings,
     Constraints,
     RoutingSearch,
@@ -38,6 +40,69 @@ def test_six_sources_have_57_subsets() -> None:
     model = PAPER.by("bayesian")
     assert model.stage2 is not None
     assert model.evaluations(SIX, ("all",)) <= 57 + 6 + model.stage2.evaluations
+
+
+@pytest.mark.parametrize(
+    ("batch", "generations"), [(1, 41), (2, 21), (4, 11), (16, 3), (20, 3), (41, 3), (64, 3), (500, 3)]
+)
+def test_a_batch_of_any_size_is_proposed_three_times(batch: int, generations: int) -> None:
+    """A batch learns nothing of itself: one of 64 in place of 41 proposals would be a single look."""
+    plan = PAPER.by("bayesian", batch)
+    assert plan.stage1 == BayesianSubsetSettings(generations=generations, batch=batch)
+    assert plan.stage2 == BayesianRoutingSettings(batch=batch)
+    eleven = tuple(map(str, range(11)))
+    assert plan.evaluations(eleven, ("all",)) == 11 + 8 + generations * batch + 80
+
+
+def test_a_model_searches_what_was_asked_for() -> None:
+    """Whatever of Stage 2 says what is searched, or how far from x = 0 it begins, is carried over."""
+    second = RoutingSettings(
+        sigma=0.2, gamma=(0.5, 1.5), tied=False, scaled=False, rank=2, entropy=0.1, shrinkage=0.2, floor=0.1
+    )
+    plan = SearchPlan(stage1=SubsetSettings(seed=3), stage2=replace(second, seed=4)).by("bayesian")
+    assert plan.stage1 == BayesianSubsetSettings(seed=3)
+    assert plan.stage2 == BayesianRoutingSettings(
+        sigma=0.2,
+        gamma=(0.5, 1.5),
+        tied=False,
+        scaled=False,
+        rank=2,
+        entropy=0.1,
+        shrinkage=0.2,
+        floor=0.1,
+        seed=4,
+    )
+    assert plan.by("paper").stage2 == replace(second, seed=4)
+
+
+def test_the_paper_s_method_has_no_batch() -> None:
+    with pytest.raises(InputError, match=r"^batch: found 4 with method paper, .*take method bayesian$"):
+        PAPER.by("paper", 4)
+
+
+@pytest.mark.parametrize(
+    ("record", "paper", "values"),
+    [
+        (
+            BayesianSubsetSettings,
+            SubsetSettings,
+            {"crossover": 0.5, "mutation": 0.5, "redraw": False, "survival": "truncation"},
+        ),
+        (
+            BayesianRoutingSettings,
+            RoutingSettings,
+            {"population": 9, "converge": False, "tolfun": 0.5, "tolx": 0.5},
+        ),
+    ],
+)
+def test_a_model_s_settings_refuse_what_it_does_not_use(
+    record: type, paper: type, values: dict[str, object]
+) -> None:
+    for name, value in values.items():
+        sentence = rf"^{name}: found {value!r}, expected .*take {paper.__name__} \(--method paper\)$"
+        with pytest.raises(InputError, match=sentence):
+            record(**{name: value})
+        record(**{name: getattr(paper(), name)})
 
 
 @pytest.mark.parametrize("largest", [2, 3])
