@@ -18,13 +18,21 @@ from IPython.core.interactiveshell import InteractiveShell
 from sfkit_widgets import PopulationView, RoutingInspector, RoutingView, SearchControl, watch
 from sfkit_widgets import _still as stills
 from sfkit_widgets._base import SfkitWidget
-from sfkit_widgets._sheet import Sheet
+from sfkit_widgets._sheet import PALE, Sheet
 from tiny import write_pairs, write_pool
 
 import sfkit
 from sfkit.analysis import previews
 from sfkit.errors import InputError
-from sfkit.search import RoutingSearch, RoutingSettings, SubsetSearch, SubsetSettings
+from sfkit.search import (
+    BayesianRoutingSearch,
+    BayesianRoutingSettings,
+    RoutingSearch,
+    RoutingSettings,
+    SubsetSearch,
+    SubsetSettings,
+)
+from sfkit.search.bayesian_routing import ProposedRouting
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -104,6 +112,29 @@ def test_a_search_s_shows_scores_and_the_best(which: SubsetSearch, how: RoutingS
     texts, _ = drawn(SearchControl(which).sheet())
     assert any(text.startswith("finished: Finished") for text in texts)
     assert any(text.startswith(f"Best so far: bad-2.0 {best.score:.2f} %") for text in texts)
+
+
+def test_a_model_s_show_what_it_expected_with_its_intervals(scorer: sfkit.Evaluator) -> None:
+    """Upright lines as long as the intervals are wide, on one scale."""
+    pool = scorer.pool
+    settings = BayesianRoutingSettings(evaluations=6)
+    search = BayesianRoutingSearch(pool.names, pool.blocks, scorer, settings)
+    search.run()
+    view = RoutingView(search)
+    sheet = view.sheet()
+    assert any("predicted, with its 95 % interval" in text for text in drawn(sheet)[0])
+    lines = [
+        [tuple(map(float, point.split(","))) for point in line.attrib["points"].split()]
+        for line in ET.fromstring(sheet.svg()).iter(f"{SVG}polyline")
+        if line.attrib["stroke"] == PALE
+    ]
+    told = [c.prediction for c in search.candidates if isinstance(c, ProposedRouting) and c.prediction]
+    assert len(lines) == len(told) > 1
+    for line in lines:
+        assert len({x for x, _ in line}) == 1, "upright"
+    widths = np.array([2 * 1.96 * one.sd for one in told])
+    pixels = np.array([line[0][1] - line[1][1] for line in lines])
+    assert pixels / pixels.max() == pytest.approx(widths / widths.max(), abs=0.01)
 
 
 def test_a_watch_waits_on_paper_too(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from html import escape
 
 INK, MUTED, RULE, PAPER = "#1f2328", "#59636e", "#d0d4d9", "#ffffff"
 BLUE, ORANGE, EMPTY = "#2b79cf", "#b34d0c", "#e9e9e9"
+PALE = "#93bbe8"  # a blue for what lies around another
 WIDTH = 960
 MARGIN = 14
 LETTER = 0.56
@@ -94,6 +95,7 @@ class Sheet:
         place: tuple[float, float, float, float],
         lines: Sequence[tuple[str, Sequence[float], Sequence[float | None], str, bool]],
         along: str,
+        spans: Sequence[tuple[float, float | None, float | None]] = (),
     ) -> None:
         """A chart of lines and dots with the ends of both axes written at them.
 
@@ -102,9 +104,12 @@ class Sheet:
             place: left, upper edge, width and height in pixels, with title and axis.
             lines: name, x, y (None is a gap), colour, and whether dots are drawn in place of a line.
             along: what x counts.
+            spans: x and the two ends of an upright line behind everything else; None draws none.
         """
         left, top, width, height = place
+        upright = [(x, low, high) for x, low, high in spans if low is not None and high is not None]
         known = [y for _, _, values, _, _ in lines for y in values if y is not None]
+        known += [end for _, *ends in upright for end in ends]
         xs = [x for _, values, _, _, _ in lines for x in values]
         if not known or not xs:
             return
@@ -118,16 +123,18 @@ class Sheet:
             self.text(x, y0 + 16, f"{number:g}", size=11, colour=MUTED, anchor="middle")
         names = f"{along}: " + ", ".join(name for name, *_ in lines)
         self.text((x0 + x1) / 2, y0 + 16, names, size=11, colour=MUTED, anchor="middle", room=x1 - x0 - 40)
-        for _, along_x, values, colour, dots in lines:
+
+        def at(x: float, y: float) -> tuple[float, float]:
             # One candidate alone, or equal scores: there is no range to divide by.
-            points = [
-                (
-                    x0 + (x1 - x0) * (x - first) / ((last - first) or 1),
-                    y0 + (y1 - y0) * (y - low) / ((high - low) or 1),
-                )
-                for x, y in zip(along_x, values, strict=True)
-                if y is not None
-            ]
+            return (
+                x0 + (x1 - x0) * (x - first) / ((last - first) or 1),
+                y0 + (y1 - y0) * (y - low) / ((high - low) or 1),
+            )
+
+        for x, *ends in upright:
+            self.line([at(x, end) for end in ends], PALE)
+        for _, along_x, values, colour, dots in lines:
+            points = [at(x, y) for x, y in zip(along_x, values, strict=True) if y is not None]
             if not dots and len(points) > 1:
                 self.line(points, colour)
             for point in points if dots or len(points) == 1 else ():

@@ -202,9 +202,11 @@ def _expected(sheet: Sheet, model: Mapping[str, Any]) -> None:
     x = model["number"]
     lines = [
         ("measured (orange)", x, model["score"], ORANGE, True),
-        ("predicted (blue)", x, model["mean"], BLUE, False),
+        ("predicted, with its 95 % interval (blue)", x, model["mean"], BLUE, False),
     ]
-    sheet.chart("What the model expects", (MARGIN, sheet.y + 6, INNER, 180), lines, "candidate")
+    intervals = list(zip(x, model["low"], model["high"], strict=True))
+    place = (MARGIN, sheet.y + 6, INNER, 180)
+    sheet.chart("What the model expects", place, lines, "candidate", intervals)
     sheet.y += 192 if x else 6
     sheet.text(MARGIN, sheet.y + 12, model["says"], size=12, room=INNER)
     sheet.y += 20
