@@ -164,17 +164,16 @@ TITLES = {
     REAL: f"On the real AnyNet pool, bad-1.0, windows of {' x '.join(map(str, REAL_WINDOW))} px; every "
     "choice of two and of three of its five data sets guides, the others judge",
 }
-SEARCHED = {BAYESIAN: "by a model", PAPER: "the paper's"}
+SEARCHED = {BAYESIAN: "by a model", PAPER: f"the paper's, {BUDGET}"}
 HEAD = f"""## What to return: the best on validation, or the average of what wins resamples
 
 `python benchmarks/returned.py` runs the searches and goes on where it was. Both stages are guided by a few
-pairs, by a model of the score at its defaults or by the paper's searches with
-{BUDGET}. Of the same evaluations one way returns what scores lowest, the
-other the average of what wins {RESAMPLES} resamples of the pairs, one evaluation more. Changes are against
-Stage 1's equal weights of the same run, in points, at the mean over runs, **below 0 is better**; unseen is
-the mean over what judges, the worst is that of one run. The last columns set the average beside the best on
-what judges: mean difference with the standard error over runs, and in how many of the runs where they differ
-it is better."""
+pairs, by a model of the score at its defaults. Of the same evaluations one way returns what scores lowest,
+the other the average of what wins {RESAMPLES} resamples of the pairs, one evaluation more. Changes are
+against Stage 1's equal weights of the same run, in points, at the mean over runs, **below 0 is better**;
+unseen is the mean over what judges, the worst is that of one run. The last columns set the average beside the
+best on what judges: mean difference with the standard error over runs, and in how many of the runs where they
+differ it is better."""
 
 
 def section() -> str:

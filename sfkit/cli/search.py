@@ -77,11 +77,12 @@ def search(
         Path | None, typer.Option(help="Stage 2: a recipe to start from as well; needs --subset.")
     ] = None,
     resamples: Annotated[
-        int,
+        int | None,
         typer.Option(
-            help="Average what wins so many resamples of the validation pairs, such as 200; 0 takes the best."
+            help="Average what wins so many resamples of the validation pairs; 0 takes the best. Unless "
+            "named 0 by the paper's method, 200 by bayesian where both stages run and it can be."
         ),
-    ] = 0,
+    ] = None,
     blocks: Annotated[
         str | None,
         typer.Option(help="Blocks made from the network: modules, disagreement, or modules:6 for six."),
@@ -123,7 +124,7 @@ def search(
     if not force:
         refuse_unclaimed(out)
     chosen, begin = _subset(subset, subset_from), recipe_of(start) if start is not None else None
-    check_resamples(resamples, second)
+    check_resamples(resamples or 0, second)
     check_parts(chosen, second, begin)
     _ensure_names(roster_of(pool, blocks, dtype), chosen, second, constraints, begin)
     guides, combine = guides_of(data, guidance, test), guidance.combine
@@ -144,13 +145,15 @@ def search(
         stage2=second,
         constraints=constraints,
         start=begin,
-        resamples=resamples,
+        resamples=resamples or 0,
     )
     opened = pool_of(pool, blocks, dtype)
     plan.check(opened)
     ensure_room(out / "merged.safetensors", opened.base.path.stat().st_size)
     guide = guide_of(opened, guides, combine, compute)
     plan.check_scorer(guide)
+    if resamples is None and method != METHODS[0]:
+        plan = plan.averaging(opened, guide)
     judges = [Evaluator(opened, one, compute=compute) for one in tests]
     with (
         run_folder(out, plan.identity(opened, guide), force=force) as folder,
@@ -163,6 +166,11 @@ def search(
         doubt = few_pairs(sum(len(guide) for guide in guides), plan.stage2)
         if doubt and not plan.resamples:
             say(doubt)
+        if plan.resamples and resamples is None:
+            say(
+                f"returns: the average of what wins {plan.resamples} resamples of the pairs; --resamples 0: "
+                "the best on them"
+            )
         price = cost(opened, evaluators, plan)
         say(f"cost: {price}")
         # What each stage found is scored on the tests.

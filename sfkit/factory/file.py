@@ -35,7 +35,8 @@
     evaluations = 300                   # 0 leaves Stage 2 out
     combine = "mean"                    # of several validation benchmarks, or "worst"
     seed = 0
-    resamples = 0                       # of the validation pairs, whose winners are averaged
+    resamples = 0                       # of the validation pairs, whose winners are averaged; of two or more
+                                        # pairs 200 by "bayesian" unless given
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from sfkit.errors import InputError, ensure_known
 from sfkit.files import home
 from sfkit.outside import read_toml, table, text
 from sfkit.search import RoutingSettings, SubsetSettings
-from sfkit.search.checks import METHODS
+from sfkit.search.checks import METHODS, RESAMPLES
 from sfkit.settings import require_whole
 from sfkit.training.settings import TrainingSettings
 
@@ -205,7 +206,7 @@ def read_factory(path: str | Path) -> Factory:
         combine=combine,
         tests=tests,
         given=given,
-        plan=_plan(method, sizes),
+        plan=_plan(method, sizes, sum(map(len, validation))),
         out=here / home(text(values.get("out", "."), f"{path}: out")),
     )
 
@@ -281,8 +282,9 @@ def _joint(orders: tuple[Order, ...], common: Mapping[str, Any], path: Path) -> 
     return Order(JOINT, data, TrainingSettings.from_dict(common, f"[training] in {path}"))
 
 
-def _plan(method: str, sizes: Mapping[str, int]) -> SearchPlan:
-    """What is not said is as the method has it."""
+def _plan(method: str, sizes: Mapping[str, int], pairs: int) -> SearchPlan:
+    """What is not said is as the method has it, guided by so many pairs."""
+    from sfkit.search.averaging import FEWEST_PAIRS
     from sfkit.search.plan import SearchPlan
 
     seed = sizes.get("seed", 0)
@@ -293,7 +295,8 @@ def _plan(method: str, sizes: Mapping[str, int]) -> SearchPlan:
     if plan.stage2 is not None:
         budget = sizes.get("evaluations", plan.stage2.evaluations)
         plan = replace(plan, stage2=replace(plan.stage2, evaluations=budget) if budget else None)
-    return replace(plan, resamples=sizes.get("resamples", plan.resamples))
+    averages = method != METHODS[0] and plan.stage2 is not None and pairs >= FEWEST_PAIRS
+    return replace(plan, resamples=sizes.get("resamples", RESAMPLES if averages else 0))
 
 
 def _truth(values: Mapping[str, Any], key: str, where: str) -> bool:

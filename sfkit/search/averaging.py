@@ -3,8 +3,9 @@
 Which candidate is best depends on which pairs happened to guide. Every evaluation in the store has the
 errors of each image, so that the candidates can be judged again on resamples of the pairs, at no forward
 pass. One of them wins each resample; the average of these winners is one recipe more, which is scored once.
-In 30 recorded runs it was better on unseen pairs than the best on validation in 18 (docs/results.md, "Which
-rule should a verdict follow?"), and tied winners give it strengths of its own in every block.
+What was measured of it on unseen pairs stands in docs/results.md ("What to return", "Which rule should a
+verdict follow?"): a search by a model returns it unless it is told otherwise, the paper's where it is asked
+to. Tied winners give it strengths of its own in every block.
 """
 
 from __future__ import annotations

@@ -80,6 +80,10 @@ def check_choice(settings: object) -> None:
             )
 
 
+RESAMPLES = 200
+"""Of the validation pairs, where winners are averaged and no number is named."""
+
+
 def check_resamples(resamples: object, stage2: object | None) -> int:
     """Refuse a number of resamples that cannot be drawn, or a Stage 2 that they do not suit.
 

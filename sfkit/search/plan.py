@@ -19,7 +19,7 @@ from sfkit.search.bayesian_routing import PROPOSALS, BayesianRoutingSearch
 from sfkit.search.bayesian_settings import BayesianRoutingSettings, BayesianSubsetSettings, rounds
 from sfkit.search.bayesian_subset import BayesianSubsetSearch
 from sfkit.search.breeding import SubsetSettings
-from sfkit.search.checks import METHODS, check_parts, check_resamples
+from sfkit.search.checks import METHODS, RESAMPLES, check_parts, check_resamples
 from sfkit.search.constraints import Constraints
 from sfkit.search.encoding import encoding_of
 from sfkit.search.journal import Journal
@@ -126,6 +126,31 @@ class SearchPlan:
             if method == "bayesian":
                 stage2 = BayesianRoutingSettings(**kept, holdout=second.holdout, batch=batch)
         return replace(self, stage1=stage1, stage2=stage2)
+
+    def averaging(self, pool: Pool, scorer: Scorer) -> SearchPlan:
+        """The same search of both stages, but that it returns the average of what wins resamples.
+
+        What a search by a model does where nothing else is asked of it: of its recorded runs that average
+        was mostly better on unseen pairs (docs/results.md, "What to return").
+
+        Returns:
+            Itself where one stage is left out, or where winners cannot be averaged: Stage 2 chooses by more
+            than the score, limits forbid it, or there is one validation pair.
+
+        Raises:
+            InputError: as :meth:`check`.
+        """
+        self.check(pool)
+        if self.subset is not None or self.stage2 is None:
+            return self
+        try:
+            found = replace(self, resamples=RESAMPLES)
+            found.check(pool)
+            found.check_scorer(scorer)
+        except InputError:
+            # The plan itself passed: whatever is refused here is refused of the average alone.
+            return self
+        return found
 
     def known(self, pool: Pool, scorer: Scorer) -> tuple[Known, ...]:
         """What a model may learn from before it proposes anything; nothing for the paper's searches."""

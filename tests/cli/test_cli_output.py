@@ -260,6 +260,29 @@ def test_a_search_averages_the_winners_of_resamples(shell: Shell, world: Path) -
     assert "resamples: found shrinkage 0.1" in refusal
 
 
+@pytest.mark.parametrize(
+    ("more", "averages"),
+    [
+        ("", True),
+        ("--resamples 0", False),
+        ("--shrinkage 0.1", False),
+        ("--largest 2", False),
+    ],
+)
+def test_a_search_by_a_model_returns_the_average_unless_told_otherwise(
+    shell: Shell, world: Path, more: str, averages: bool
+) -> None:
+    """The paper's returns the best on validation, as the tests above have it."""
+    out = f"by-model{more.replace(' ', '')}"
+    line = (
+        f"search pool {PAIRS} --method bayesian --population 2 --generations 1 --evaluations 4 -o {out} --yes"
+    )
+    _, progress = shell(f"{line} {more}")
+    said = "returns: the average of what wins 200 resamples of the pairs; --resamples 0: the best on them"
+    assert (said in progress) == averages
+    assert (world / out / "winners.csv").exists() == averages
+
+
 def test_a_search_is_tested_on_what_guided_nothing(shell: Shell, world: Path) -> None:
     write_pairs(world / "fresh" / "pairs", 6, shift=4)
     line = f"search pool {PAIRS} --population 4 --generations 1 --evaluations 0 -o tested --yes"

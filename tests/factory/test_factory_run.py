@@ -310,6 +310,13 @@ def test_several_guides_a_method_and_what_the_search_costs_at_most(tmp_path: Pat
     assert most_evaluations(factory) == 4 + 3 + 12 + 1
     with pytest.raises(sfkit.InputError, match="2 validation benchmarks, method bayesian"):
         report_values(factory)
+    for said, resamples in (("", 200), ("resamples = 0", 0)):
+        path.write_text(text.replace("resamples = 50", said))
+        assert read_factory(path).plan.resamples == resamples, "of three pairs, unless it is said"
+    path.write_text(
+        text.replace("resamples = 50", "").replace('method = "bayesian"', "").replace("batch = 2", "")
+    )
+    assert read_factory(path).plan.resamples == 0, "by the paper's method"
 
 
 def test_the_report_is_given_the_factory_s_benchmarks_and_budgets(tmp_path: Path) -> None:

@@ -269,6 +269,31 @@ def test_a_frozen_block_stays_frozen(pool: Pool, tmp_path: Path) -> None:
     assert "c" not in found.recipe.sources
 
 
+PLAIN = replace(PLAN, resamples=0)
+AVERAGES: dict[str, tuple[SearchPlan, int, int]] = {
+    "both stages": (PLAIN, 5, 200),
+    "one pair": (PLAIN, 1, 0),
+    "Stage 1 alone": (replace(PLAIN, stage2=None), 5, 0),
+    "Stage 2 alone": (replace(PLAIN, subset=("a", "b")), 5, 0),
+    "a penalty": (replace(PLAIN, stage2=RoutingSettings(shrinkage=0.25)), 5, 0),
+    "a hold-out": (replace(PLAIN, stage2=RoutingSettings(holdout=0.5)), 5, 0),
+    **{case: (replace(plan, resamples=0), 5, 0) for case, (plan, _) in REFUSED.items()},
+}
+"""Plan, validation pairs, and over how many resamples it averages where that is left to it."""
+
+
+@pytest.mark.parametrize("case", AVERAGES)
+def test_winners_are_averaged_where_both_stages_run_and_nothing_speaks_against_it(
+    pool: Pool, case: str
+) -> None:
+    plan, pairs, resamples = AVERAGES[case]
+    found = plan.averaging(pool, evaluator(pool, TRUTHS[:pairs]))
+    assert found == replace(plan, resamples=resamples)
+    wrong = replace(plan, constraints=Constraints(include=("nobody",)))
+    with pytest.raises(InputError, match="nobody"):
+        wrong.averaging(pool, evaluator(pool))
+
+
 @pytest.mark.parametrize("name", ["holdout", "entropy", "shrinkage"])
 def test_a_stage_2_that_chooses_otherwise_is_refused(name: str) -> None:
     with pytest.raises(InputError, match=rf"resamples: found {name} 0.25, by which Stage 2"):
