@@ -25,6 +25,7 @@ from functools import partial
 from itertools import islice
 from pathlib import Path
 
+import cma
 import numpy as np
 import pandas as pd
 from kept import RUNS, Job, KeptRuns
@@ -52,7 +53,7 @@ SEARCHES = {BANK: 12, REAL: 4}
 """Draws of validation pairs."""
 SIGMA = 0.5
 MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
-HANDED_OVER = "model, then CMA-ES"
+HANDED_OVER, LQ_CMA_ES = "model, then CMA-ES", "pycma lq-CMA-ES"
 
 Way = Callable[[SearchWorld], Iterator[float]]
 """World -> the scores of its evaluations, in order, as they come."""
@@ -90,6 +91,23 @@ def scores_of(search: RoutingSearch) -> Iterator[float]:
         yield from (candidate.score for candidate in generation.candidates)
 
 
+def lq_cma_es(world: SearchWorld, evaluations: int = 150) -> Iterator[float]:
+    """CMA-ES with pycma's linear and quadratic models of the score (Hansen, GECCO 2019), after x = 0."""
+    encoding = Encoding(world.subset, world.pool.blocks)
+    scores: list[float] = []
+
+    def objective(x: np.ndarray) -> float:
+        scores.append(world.scorer([encoding.decode(np.asarray(x))])[0].score)
+        return scores[-1]
+
+    zeros = np.zeros(encoding.dimension)
+    objective(zeros)
+    # A seed of 0 is the clock's.
+    options = {"seed": world.seed + 1, "maxfevals": evaluations - 1, "verbose": -9}
+    cma.fmin_lq_surr2(objective, zeros, SIGMA, options)
+    return iter(scores[:evaluations])
+
+
 def random_search(world: SearchWorld, evaluations: int = 100) -> Iterator[float]:
     """Zeros, then draws from the distribution CMA-ES begins with."""
     encoding = Encoding(world.subset, world.pool.blocks)
@@ -107,6 +125,7 @@ def ways() -> dict[str, Way]:
         CMA_ES: cma_es,
         HANDED_OVER: handed_over,
         ONE_MODEL: one_model,
+        LQ_CMA_ES: lq_cma_es,
     }
     if importlib.util.find_spec("optuna"):
         from peers_optuna import cma_sampler, gp_sampler
