@@ -52,6 +52,8 @@ DOCUMENT = "benchmarks/README.md"
 SEARCHES = {BANK: 12, REAL: 4}
 """Draws of validation pairs."""
 SIGMA = 0.5
+BATCHES = (2, 4, 16)
+"""Proposals of our model at a time, beside one."""
 MODEL, CMA_ES, RANDOM, ONE_MODEL = "model", "CMA-ES", "random", "one model, no stages"
 HANDED_OVER, LQ_CMA_ES = "model, then CMA-ES", "pycma lq-CMA-ES"
 
@@ -131,6 +133,7 @@ def ways() -> dict[str, Way]:
         from peers_optuna import cma_sampler, gp_sampler
 
         found |= {"Optuna GP": gp_sampler, "Optuna CMA-ES": cma_sampler}
+    found |= {f"{MODEL}, batches of {batch}": partial(model, batch=batch) for batch in BATCHES}
     return {**found, RANDOM: random_search}
 
 
@@ -193,8 +196,9 @@ then Stage 2 over the subset it found, on windows of a few validation pairs draw
 points behind (above 0) or ahead (below 0) of what CMA-ES has after 300 evaluations of the same search:
 median and quartiles. Evaluations are those of Stage 2; what has no stages gets those of Stage 1 besides.
 `needs` is how many it takes for CMA-ES's score after 300, median over searches, beside how many got there.
-`model, then CMA-ES` hands over after 60. Weights are tied; searches with weights for every block of its own
-are in the section `blockwise`, below."""
+`model, then CMA-ES` hands over after 60; in batches a proposal hears the model's own mean for those before.
+`pycma lq-CMA-ES` is CMA-ES with linear and quadratic models of the score, after x = 0. Weights are tied; for
+weights of its own for every block see the section `blockwise`, below."""
 
 
 def section() -> str:

@@ -13,6 +13,7 @@ import os
 import statistics
 import tempfile
 import time
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,14 @@ WAYS = (("inline", 1), ("processes", 2))
 """Engine and workers; a batch has one proposal a worker."""
 
 
-def measure(*, pairs: int = 8, evaluations: int = 40, turns: int = 2) -> list[dict[str, Any]]:
-    """A row a search: engine, workers, evaluations computed, seconds, best score, load average at its end.
+def measure(*, pairs: int = 8, evaluations: int = 40, turns: int = 4) -> list[dict[str, Any]]:
+    """A row a search: engine, workers, seed, evaluations computed, seconds, best score, load at its end.
+
+    ``curve`` has the best score so far after each candidate of Stage 2.
 
     Args:
         pairs: of the first bank's validation benchmark.
-        evaluations: of Stage 2; Stage 1 has as many, its first ones included.
+        evaluations: of Stage 2; Stage 1 has as many beside the sources alone.
         turns: searches each way, alternating, each with a seed of its own.
     """
     torch.set_num_threads(1)
@@ -46,7 +49,12 @@ def measure(*, pairs: int = 8, evaluations: int = 40, turns: int = 2) -> list[di
     for seed in range(turns):
         for engine, workers in WAYS:
             rows.append(
-                {"engine": engine, "workers": workers, **timed(engine, workers, pairs, evaluations, seed)}
+                {
+                    "engine": engine,
+                    "workers": workers,
+                    "seed": seed,
+                    **timed(engine, workers, pairs, evaluations, seed),
+                }
             )
     return rows
 
@@ -71,10 +79,12 @@ def timed(engine: str, workers: int, pairs: int, evaluations: int, seed: int) ->
         outcome = search_pool(pool, evaluator, plan, Path(folder))
         seconds = time.perf_counter() - began
         computed = evaluator.counts.computed - before
+    assert outcome.routing is not None, "Stage 2 is asked for"
     return {
         "evaluations": computed,
         "seconds": seconds,
         "score": outcome.score,
+        "curve": list(accumulate((c.score for c in outcome.routing.candidates), min)),
         "load": os.getloadavg()[0],
     }
 
@@ -98,6 +108,7 @@ def section() -> str:
                 f"{statistics.median(row['seconds'] for row in part):.1f}",
                 f"{gained:.2f}",
                 f"{100 * gained / workers:.0f} %",
+                f"{statistics.median(needed(row, found) for row in part):.0f}",
                 ", ".join(f"{row['score']:.2f}" for row in part),
                 f"{statistics.mean(row['load'] for row in part):.1f}",
             )
@@ -109,16 +120,24 @@ def section() -> str:
         "seconds",
         "speed-up",
         "efficiency",
+        "Stage 2 needs",
         "best scores",
         "load average",
     )
     return f"""## A model's search by two real workers
 
 `{shown(*COMMAND)}`: both stages by a model of the score on the first bank, one thread a worker. Speed-up
-is of the seconds an evaluation, by the clock, medians; best scores are bad-3.0, a search each. The load
-average is the machine's over the last minute, these searches included.
+is of the seconds an evaluation, by the clock, medians. `Stage 2 needs` is how many of its evaluations it
+took for the score that all searches of the same seed reach, median; best scores are bad-3.0, a search each.
+The load average is the machine's over the last minute, these searches included.
 
 {numbers(heads, rows)}"""
+
+
+def needed(row: dict[str, Any], found: list[dict[str, Any]]) -> int:
+    """Evaluations of Stage 2 until the score that all searches of the same seed reach."""
+    common = max(other["curve"][-1] for other in found if other["seed"] == row["seed"])
+    return next(number for number, score in enumerate(row["curve"], start=1) if score <= common)
 
 
 if __name__ == "__main__":
