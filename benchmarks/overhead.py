@@ -4,6 +4,7 @@
     python benchmarks/overhead.py --bank
     python benchmarks/overhead.py --pairs 8 --population 50 --generations 15 --evaluations 300 --json
     python benchmarks/overhead.py --method bayesian --generations 41 --evaluations 80
+    python benchmarks/overhead.py --method bayesian --generations 41 --evaluations 80 --known 400
 
 Both stages run on 11 sources of AnyNet, inline, over pairs of noise of 256 x 512 in memory, with store,
 journal, tables and merged file on disk: AnyNet as published, with random weights, or the first bank's,
@@ -12,7 +13,9 @@ are as many pairs as the paper validates on, and fewer evaluations: a minute on 
 is timed without what it calls of the others, so that the rows add up. Reading the pool and preparing images
 happen before the search and are a row of their own; ``search`` is whatever no other row claims: breeding,
 CMA-ES, ranking, the evaluator's own work, and waiting for the errors of the last pair. The others are counted
-in a thread of their own while the network runs: they take computing, and no time by the clock.
+in a thread of their own while the network runs: they take computing, and no time by the clock. ``--known``
+puts so many merges into the store before, with errors that are made up, as an earlier search would have left
+them: the model learns from these, too.
 """
 
 from __future__ import annotations
@@ -23,6 +26,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -38,8 +42,10 @@ from sfkit.bank import pool_path
 from sfkit.datasets.benchmark import Benchmark, memory_benchmark
 from sfkit.datasets.pairs import Sample
 from sfkit.evaluation import EvaluationStore, Evaluator
+from sfkit.evaluation.metrics import ImageErrors
 from sfkit.evaluation.prepared import PreparedBenchmark
-from sfkit.merging import open_pool
+from sfkit.evaluation.store import Evaluation, evaluation_key
+from sfkit.merging import Pool, open_pool
 from sfkit.merging.live import LiveModel
 from sfkit.search import (
     BayesianRoutingSearch,
@@ -132,11 +138,13 @@ def measure(
     evaluations: int = 20,
     method: str = METHODS[0],
     bank: bool = False,
+    known: int = 0,
 ) -> dict[str, Any]:
     """Run a search; seconds and calls a row, the evaluations computed, and the share outside the network.
 
     Shares are of time by the clock, waiting for the disk included, and (``computing``) of the computing of
-    all threads, which other work on the machine changes less. ``evaluations`` are those of Stage 2; by a
+    all threads, which other work on the machine changes less. ``known`` merges are in the store before, with
+    errors that are made up. ``evaluations`` are those of Stage 2; by a
     model, ``population`` subsets are scored before there is one.
 
     Raises:
@@ -159,6 +167,7 @@ def measure(
             pool, validation = open_pool(path), noise(pairs)
             scorer = Evaluator(pool, validation, store=EvaluationStore(folder / "e.sqlite"))
             scorer([pool.equal(*pool.names[:2])])  # first forward passes prepare kernels
+            fill(scorer, pool, known)
         for row, place, called in PARTS:
             timed = clock.timed(row, getattr(place, called))
             patched.enter_context(mock.patch.object(place, called, timed))
@@ -176,6 +185,7 @@ def measure(
         "network": "the first bank's AnyNet" if bank else "AnyNet as published",
         "method": method,
         "pairs": pairs,
+        "known": known,
         "evaluations": scorer.counts.computed,
         "seconds": total,
         "cpu_seconds": computed,
@@ -211,11 +221,35 @@ def noise(pairs: int) -> Benchmark:
     )
 
 
+def fill(scorer: Evaluator, pool: Pool, count: int) -> None:
+    """Store so many more merges of random subsets, the errors of the one that is there moved at random."""
+    (template,), rng = tuple(scorer.store), np.random.default_rng(0)
+    met = {frozenset(pool.names[:2])}
+    while len(met) <= count:
+        subset = frozenset(name for name in pool.names if rng.random() < 0.5)
+        if len(subset) < 2 or subset in met:
+            continue
+        met.add(subset)
+        description = scorer.describe(pool.equal(*sorted(subset, key=pool.names.index)))
+        images = tuple(moved(image, rng.uniform(0.5, 1.0)) for image in template.images)
+        scorer.store.put(Evaluation(evaluation_key(description), description, images, None, 0.0))
+
+
+def moved(image: ImageErrors, factor: float) -> ImageErrors:
+    """An image with that share of its bad pixels."""
+    regions = {
+        name: replace(region, above=tuple(int(factor * count) for count in region.above))
+        for name, region in image.regions.items()
+    }
+    return replace(image, regions=regions)
+
+
 MODEL = ("--method", "bayesian", "--generations", "41", "--evaluations", "80")
 COMMANDS = (
     ("overhead.py", "--json"),
     ("overhead.py", "--bank", "--json"),
     ("overhead.py", *MODEL, "--json"),
+    ("overhead.py", *MODEL, "--known", "400", "--json"),
 )
 
 
@@ -229,7 +263,8 @@ HEAD = """## Overhead of a search
 
 Both stages on pairs of 256 x 512, as many as the paper validates on. `search` is what no other row
 claims: breeding, CMA-ES, ranking, the evaluator's own work. A search by a model of the score is
-run whole, since the model's part grows with what it learns from. Errors are counted in a thread of
+run whole, since the model's part grows with what it learns from, and once more where the store holds 400
+merges before, the most that a model learns from. Errors are counted in a thread of
 their own while the network runs, which takes computing and no time. Shares of computing leave out
 waiting for the disk."""
 
@@ -247,8 +282,9 @@ def table(found: dict[str, Any]) -> str:
         )
         for r in found["rows"]
     ]
-    return f"""{found["network"]}, {found["pairs"]} pairs, {found["method"]} method, {found["evaluations"]}
-evaluations in {found["seconds"]:.0f} s ({found["cpu_seconds"]:.0f} s of CPU), of which
+    known = f", {found['known']} merges known before" if found["known"] else ""
+    return f"""{found["network"]}, {found["pairs"]} pairs, {found["method"]} method{known},
+{found["evaluations"]} evaluations in {found["seconds"]:.0f} s ({found["cpu_seconds"]:.0f} s of CPU), of which
 **{100 * found["outside"]:.1f} %** lie outside the network's forward passes
 ({100 * found["outside_computing"]:.1f} % of computing). Pool and
 images were made ready before, once, in {found["before"]:.1f} s.

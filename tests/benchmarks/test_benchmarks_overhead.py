@@ -27,3 +27,23 @@ def test_rows_add_up_and_images_are_prepared_before_the_search(monkeypatch: pyte
     assert "prepare images" not in rows
     assert rows["model of subsets"]["calls"] == 1
     assert rows["model of routings"]["calls"] == 2, "x = 0 is no proposal"
+
+
+def test_what_the_store_holds_before_is_learned_from_and_not_computed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.syspath_prepend(str(FOLDER))
+    overhead = importlib.import_module("overhead")
+    monkeypatch.setattr(overhead, "SIZE", (32, 256))
+    seen: list[int] = []
+    monkeypatch.setattr(
+        overhead.SearchPlan,
+        "known",
+        lambda plan, *places, known=overhead.SearchPlan.known: (
+            seen.append(len(known(plan, *places))) or known(plan, *places)
+        ),
+    )
+    found = overhead.measure(1, 2, 1, 3, "bayesian", known=30)
+    assert seen == [31], "the warming one beside those that were put there"
+    assert found["known"] == 30
+    assert found["evaluations"] < 20, "sources alone and proposals; nothing that was put there"
