@@ -20,7 +20,7 @@ from exhaustive import subset_scores
 from landscapes import Landscape
 from pictures import lines, picture
 from processes import answered, shown
-from tabulated import numbers
+from tabulated import numbers, percent
 
 from sfkit.search import SubsetSearch, SubsetSettings
 from sfkit.search.breeding import Draft, bred, initial, survivors
@@ -182,7 +182,7 @@ def table(rows: Sequence[SearchRow], first: str) -> str:
             row.name,
             f"{row.candidates:.0f}",
             f"{row.distinct:.0f}",
-            f"{100 * row.optimum:.0f} %",
+            percent(row.optimum),
             "never" if np.isnan(row.to_optimum) else f"{row.to_optimum:.0f}",
             *(f"{value:.3f}" for value in row.regrets),
         )

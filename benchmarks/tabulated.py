@@ -41,3 +41,11 @@ def _cell(value: object, digits: int) -> str:
     if value is None or value is pd.NA or value != value:  # the NA of whole numbers; NaN
         return "–"
     return f"{value:.{digits}f}" if isinstance(value, float | np.floating) else str(value)
+
+
+def percent(share: float) -> str:
+    """In whole percent, of more digits where what is neither none nor all would read as if it were."""
+    digits = 0
+    while float(text := f"{100 * share:.{digits}f}") in (0.0, 100.0) and share not in (0.0, 1.0):
+        digits += 1
+    return f"{text} %"

@@ -8,7 +8,7 @@ import pandas as pd
 from bayesian import CHOOSERS, in_batches
 from exhaustive import subset_scores, table_path
 from landscapes import Landscape
-from optimum import number, share_within
+from optimum import FOUND, number, share_within
 from tabulated import markdown_lines
 
 DOCUMENT = "benchmarks/README.md"
@@ -57,11 +57,7 @@ def table(found: pd.DataFrame) -> str:
     heads = (
         "batch",
         "chosen by",
-        "found it",
-        "median",
-        "most",
-        "within 60",
-        "within 90",
+        *FOUND,
         "rounds, median",
         "rounds, 90 %",
         "CPU, ms",

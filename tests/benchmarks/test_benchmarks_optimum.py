@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 from benchmark_scripts import imported
+from scipy.integrate import quad
+from scipy.stats import norm
 
 from sfkit.search.gaussian_process import Array, fit
 
@@ -64,6 +66,44 @@ def test_thompson_proposes_what_is_new_and_each_once(scripts: tuple[ModuleType, 
     assert search.counts.distinct == len(search.candidates) == 63
     found = scripts[0].in_batches(land, 8, range(3), scripts[0].CHOOSERS["Thompson"])
     assert (found["needed"] <= 62).all()
+
+
+def test_an_expected_improvement_is_the_mean_of_what_is_gained(scripts: tuple[ModuleType, ...]) -> None:
+    mean, sd = np.array([2.0, 0.5, 1.0, 9.0]), np.array([0.7, 0.2, 1e-3, 2.0])
+
+    def gained(value: float, centre: float, spread: float) -> float:
+        return float((1.2 - value) * norm.pdf(value, centre, spread))
+
+    expected = [
+        quad(gained, centre - 12.0 * spread, min(1.2, centre + 12.0 * spread), (centre, spread))[0]
+        for centre, spread in zip(mean, sd, strict=True)
+    ]
+    assert scripts[0].improvement(1.2, mean, sd) == pytest.approx(expected, rel=1e-6)
+
+
+def test_expected_improvement_proposes_what_is_new_and_promises_most(
+    scripts: tuple[ModuleType, ...], land: object
+) -> None:
+    search = scripts[0].search_of(land, 3, chooser=scripts[0].ExpectedImprovementSubsetSearch)
+    search.step()
+    model, met = search._model(), {candidate.subset for candidate in search.candidates}
+    lowest = min(candidate.score for candidate in search.candidates if len(candidate.subset) > 1)
+    promised = {}
+    for mask in range(1, 64):
+        genes = [n for n in range(6) if mask >> n & 1]
+        if len(genes) > 1 and tuple("abcdef"[n] for n in genes) not in met:
+            weights = np.zeros((1, 6))
+            weights[0, genes] = 1.0 / len(genes)
+            mean, sd = (float(value[0]) for value in model.predict(search._points(weights)))
+            promised[tuple("abcdef"[n] for n in genes)] = float(
+                norm.expect(lambda y: max(lowest - y, 0.0), loc=mean, scale=sd, ub=lowest)
+            )
+    search.step()
+    (proposed,) = search.candidates[-1:]
+    assert promised[proposed.subset] == pytest.approx(max(promised.values()), rel=1e-3)
+    assert -proposed.prediction.acquisition == pytest.approx(promised[proposed.subset], rel=1e-3)
+    met = scripts[0].run(land, 0, scripts[0].ExpectedImprovementSubsetSearch)
+    assert 0.0 in land.regrets(met)  # type: ignore[attr-defined]
 
 
 def test_a_run_ends_at_the_optimum(scripts: tuple[ModuleType, ...], land: object) -> None:
@@ -127,3 +167,34 @@ def test_the_section_is_what_finished_searches_say(
     assert "| GA | 4 | 75 % | 85 | never | 25 % | 50 % | 2.0 |" in written
     assert "| 4 | 1 | 100 % | 40 | 40 | 100 % | 100 % | 10 | 6 | 12.0 | 2.5 | 62 % | 90 % | 5.0 |" in written
     assert "gains a source" not in written
+
+
+def test_what_knows_nothing_counts_once_a_seed(
+    scripts: tuple[ModuleType, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    optimum = scripts[1]
+    monkeypatch.setattr(optimum, "kept", replace(optimum.kept, folder=tmp_path))
+    needed = {"model, nothing known": 30.0, "model, knows the evaluations before": 5.0}
+    rows = [
+        (20, seed, newcomer, way, count + seed)
+        for seed in (0, 1)
+        for newcomer in "abd"
+        for way, count in needed.items()
+    ]
+    frame = pd.DataFrame(rows, columns=["pairs", "seed", "newcomer", "way", "needed"])
+    monkeypatch.setattr(type(optimum.kept), "results", lambda *_: frame)
+    written = optimum.growth_table(20)
+    assert "| model, nothing known | 2 | 100 % | 30 | 31 |" in written
+    assert "| model, knows the evaluations before | 6 | 100 % | 6 | 6 |" in written
+
+
+SHARES = {1.0: "100 %", 0.0: "0 %", 199 / 200: "99.5 %", 1 / 200: "0.5 %", 0.995001: "99.5 %"}
+SHARES |= {0.994: "99 %", 0.375: "38 %", 0.9999: "99.99 %", 1e-5: "0.001 %"}
+
+
+@pytest.mark.parametrize(("share", "text"), SHARES.items())
+def test_a_share_that_is_neither_none_nor_all_never_reads_so(
+    scripts: tuple[ModuleType, ...], share: float, text: str
+) -> None:
+    with imported("tabulated") as (tabulated,):
+        assert tabulated.percent(share) == text
