@@ -92,10 +92,11 @@ class BayesianRoutingSettings(RoutingSettings):
 
     Where it stops paying was looked for with block-specific routing (``tied=False``), whose x has B x E + B
     entries, on the bank: E of 3, 4, 5, 6, 8 and 11 sources in B = 4 blocks, 16 to 48 entries, a search each.
-    In no dimension was CMA-ES ahead after 60, 80, 100 or 150 evaluations, and for its score after 100 the
-    model needed 3 to 68. What pays less and less is going on: after 150 the model was ahead of CMA-ES's 300
-    in two of six (28 and 36 entries) and 0.02 to 0.54 points behind in four, where CMA-ES came to the model's
-    score after 156 to 255; more than 150 by the model were not measured (``benchmarks/blockwise.py``).
+    After 40 evaluations CMA-ES was ahead in one dimension, by 0.04 points with 24 entries; after 60, 80, 100
+    and 150 it was in none, and for its score after 100 the model needed 3 to 68. What pays less and less is
+    going on: after 150 the model was ahead of CMA-ES's 300 in two of six (28 and 36 entries) and 0.02 to 0.54
+    points behind in four, where CMA-ES came to the model's score after 156 to 255; more than 150 by the model
+    were not measured (``benchmarks/blockwise.py``).
 
     Attributes:
         evaluations: 80 by default.
