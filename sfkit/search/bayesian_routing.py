@@ -279,6 +279,10 @@ class BayesianRoutingSearch(RoutingSearch):
 
     def _points(self, draws: Array) -> Points:
         """Features of the recipes that rows of ``draws``, (m, dimension), stand for."""
+        return routing_points(*self._rows_and_scales(draws), tied=self.encoding.tied)
+
+    def _rows_and_scales(self, draws: Array) -> tuple[Array, Array]:
+        """Weights (m, B, E) and scales (m, B) that rows of ``draws``, (m, dimension), stand for."""
         encoding, count = self.encoding, len(self.sources)
         logits = encoding.logits(draws)
         # As softmax does it for one recipe: the largest power is 1, so that none overflows.
@@ -293,7 +297,7 @@ class BayesianRoutingSearch(RoutingSearch):
             # As scale_of (eq. 11), for all draws at once.
             half = (encoding.gamma[1] - encoding.gamma[0]) / 2.0
             scales[:, free] = 1.0 + half * np.tanh(draws[:, -len(free) :] / 2.0)
-        return routing_points(rows, scales, tied=encoding.tied)
+        return rows, scales
 
     def _penalties(self, draws: Array) -> Array:
         """What F(x) adds to the score of each vector (eq. 13, and the shrinkage)."""

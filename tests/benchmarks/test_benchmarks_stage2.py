@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,9 @@ import pytest
 from benchmark_scripts import imported
 
 from sfkit.datasets import Sample
+from sfkit.evaluation.outcome import Outcome
+from sfkit.merging.recipe import Recipe
+from sfkit.search.surrogate import routing_features
 
 
 @pytest.fixture(scope="module")
@@ -61,13 +64,39 @@ def test_windows_are_the_same_in_both_views(scripts: tuple[ModuleType, ...]) -> 
 
 
 def test_vectors_have_the_features_of_the_recipes_they_stand_for(scripts: tuple[ModuleType, ...]) -> None:
-    from sfkit.search.encoding import Encoding
-    from sfkit.search.surrogate import recipe_features
-
     names, blocks = ("a", "b", "c", "d"), ("backbone", "head")
-    encoding = Encoding(("d", "b"), blocks)
-    draws = np.random.default_rng(0).standard_normal((5, encoding.dimension))
-    mine = scripts[2].points(encoding, draws, names)
-    theirs = recipe_features([encoding.decode(x) for x in draws], names, blocks)
+    around = scripts[2].Around(Recipe.equal(("d", "b"), blocks), names, lambda _: [])
+    draws = np.random.default_rng(0).standard_normal((5, around.encoding.dimension))
+    mine = around._points(draws)
+    theirs = routing_features([around.encoding.decode(x) for x in draws], names, blocks, tied=True)
     for one, other in zip(mine, theirs, strict=True):
         assert one == pytest.approx(other, abs=1e-12)
+
+
+def test_one_model_goes_from_subsets_to_weights_and_scales(
+    scripts: tuple[ModuleType, ...],
+) -> None:
+    """On a score whose best is a mixture of two sources, one scaled up, that no equal merge comes near."""
+    names, blocks = ("a", "b", "c", "d"), ("backbone", "head")
+    seen: list[Recipe] = []
+
+    def scorer(recipes: Sequence[Recipe]) -> list[Outcome]:
+        seen.extend(recipes)
+        found = []
+        for recipe in recipes:
+            rows, scales = (np.array(part) for part in recipe.over(names, blocks))
+            aim = np.array([0.8, 0.0, 0.2, 0.0])
+            found.append(Outcome(10.0 * float(np.abs(rows - aim).sum() + np.abs(scales - 1.2).sum())))
+        return found
+
+    pool = SimpleNamespace(
+        names=names, blocks=blocks, equal=lambda *sources: Recipe.equal(tuple(sources), blocks)
+    )
+    world = SimpleNamespace(pool=pool, seed=0, scorer=scorer)
+    scores = list(scripts[2].one_model(world, 30))
+    assert len(scores) == len(seen) == len(set(seen)) == 30
+    assert scores[:4] == [np.inf] * 4  # alone they win nothing
+    equal = [recipe == pool.equal(*recipe.sources) for recipe in seen]
+    assert all(equal[:12])
+    best = min(score for score, one in zip(scores, equal, strict=True) if one)
+    assert min(scores) < 0.7 * best
