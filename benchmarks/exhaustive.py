@@ -3,7 +3,8 @@
 The first bank's table, ``subsets-bank.csv``, lies beside this file, so that tests and benchmarks compare
 searches with the true optimum and run no network. ``python benchmarks/exhaustive.py`` makes it again: 2047
 merges on the first 20 of the validation benchmark's pairs, a quarter of an hour of one core; ``--bank`` names
-another bank. It is resumable, since every evaluation goes to the store.
+another bank. It is resumable, since every evaluation goes to the store. ``--images`` writes the scores on
+each pair alone as well: the first bank's are ``images-bank.csv``.
 """
 
 from __future__ import annotations
@@ -12,8 +13,8 @@ import argparse
 import csv
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -47,11 +48,13 @@ class SubsetScores:
         names: the sources, in the pool's order.
         scores: by subset, on the first 20 pairs. A subset is a bit mask, bit i standing for ``names[i]``.
         quick: the same on the first 8 pairs, the quick set that ``sfkit demo`` searches on.
+        images: the same on each of the 20 pairs; a table of subsets has none.
     """
 
     names: tuple[str, ...]
     scores: dict[int, float]
     quick: dict[int, float]
+    images: dict[int, tuple[float, ...]] = field(default_factory=dict)
 
     def mask(self, names: Iterable[str]) -> int:
         """The bit mask of a subset."""
@@ -91,6 +94,35 @@ def subset_scores(path: Path | None = None) -> SubsetScores:
     )
 
 
+def images_path(name: str = BANK.name) -> Path:
+    """A bank's table of scores on each pair."""
+    return Path(__file__).with_name(f"images-{name}.csv")
+
+
+def image_scores(path: Path | None = None) -> dict[int, NDArray[np.float64]]:
+    """By subset the score on each of the 20 pairs, of the first bank or another that was written.
+
+    Raises:
+        InputError: the file is missing.
+    """
+    file = path or images_path()
+    if not file.is_file():
+        raise InputError(
+            f"{file}: found none, expected scores by pair, make them with "
+            f"python benchmarks/exhaustive.py --images {file.name}"
+        )
+    rows = np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2)
+    return {int(row[0]): row[1:] for row in rows}
+
+
+def write_images(images: Mapping[int, Sequence[float]], path: Path) -> None:
+    """Write scores by pair as CSV, a row a subset, ascending by bit mask, percent with four decimals."""
+    with writing(path) as fresh, fresh.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(("subset", *(f"pair_{n + 1}" for n in range(PAIRS))))
+        writer.writerows((mask, *(f"{s:.{DIGITS}f}" for s in images[mask])) for mask in sorted(images))
+
+
 def score_subsets(
     pool: Pool,
     masks: Sequence[int],
@@ -112,6 +144,7 @@ def score_subsets(
         images = evaluated(scorer, live, pool.equal(*found.members(mask))).images
         found.scores[mask] = scorer.score(images)
         found.quick[mask] = scorer.score(images[:QUICK_PAIRS])
+        found.images[mask] = tuple(scorer.score([image]) for image in images)
         progress(number + 1, len(masks))
     return found
 
@@ -161,6 +194,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--store", type=Path, default=Path("runs/exhaustive.sqlite"))
     parser.add_argument("--out", type=Path, help="of the table; beside this file unless given")
+    parser.add_argument("--images", type=Path, help="where to write the scores on each pair, if anywhere")
     parser.add_argument("--bank", default=BANK.name, choices=bank.banks())
     options = parser.parse_args(arguments)
     out = options.out or table_path(options.bank)
@@ -171,8 +205,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
             print(f"{done} of {total} subsets", file=sys.stderr, flush=True)
 
     with EvaluationStore(options.store) as store:
-        write_scores(score_subsets(pool, range(1, 1 << len(pool.names)), store, say), out)
+        found = score_subsets(pool, range(1, 1 << len(pool.names)), store, say)
+    write_scores(found, out)
     print(out)
+    if options.images is not None:
+        write_images(found.images, options.images)
+        print(options.images)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,8 @@ Noise: Stage 1's evaluations (of the first bank ``stage2.py``'s store has them) 
 models on all windows but one and foretell the scores on that one. Both have the same length scales; one takes
 the noise to be equal everywhere, the other as large as the spread over images of the difference to the best,
 for each merge. Racing: on the scores of all subsets a search scores 8 pairs of 20, and finishes the 12 others
-of its most promising subsets alone.
+of its most promising subsets alone; racing during the search, and more searches on all pairs, are in
+``sections/racing.py``.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ WORLDS, SEEDS = 10, 10
 PASSES = (24, 32, 40)
 """Passes over all 20 pairs that a search may cost."""
 FINISHED = (0, 4, 8, 16)
+NONE = "none, the scores themselves"
 QUICK = 8 / 20
 """What the first 8 pairs cost of an evaluation on all."""
 
@@ -92,16 +94,23 @@ def images(bank: str, seed: int, folder: Path) -> pd.DataFrame:
     points = recipe_features((c.recipe for c in alone), pool.names, pool.blocks)[:1]
     rows = []
     for out in range(table.shape[1]):
-        seen, unseen = np.delete(table, out, axis=1), table[:, out]
-        values = seen.mean(axis=1)
-        apart = seen - seen[np.argmin(values)]
-        spread = apart.var(axis=1, ddof=1) / seen.shape[1]
-        process = fit(points, values)
-        for name, shares in (("equal", np.ones(len(values))), ("by merge", spread / spread.mean())):
-            mean = posterior_mean(process, points, values, np.maximum(shares, 0.05))
-            rows.append((seed, out, name, *told(mean, unseen)))
-        rows.append((seed, out, "none, the scores themselves", *told(values, unseen)))
+        means = by_noise(points, np.delete(table, out, axis=1))
+        rows += [(seed, out, name, *told(mean, table[:, out])) for name, mean in means.items()]
     return pd.DataFrame(rows, columns=["seed", "window", "noise", "correlation", "regret"])
+
+
+def by_noise(points: tuple[Array, ...], seen: Array) -> dict[str, Array]:
+    """Both models' means of merges by their scores on images, (merges, images), and the mean score itself."""
+    values = seen.mean(axis=1)
+    apart = seen - seen[np.argmin(values)]
+    spread = apart.var(axis=1, ddof=1) / seen.shape[1]
+    process = fit(points, values)
+    shares = {"equal": np.ones(len(values)), "by merge": spread / spread.mean()}
+    found = {
+        name: posterior_mean(process, points, values, np.maximum(share, 0.05))
+        for name, share in shares.items()
+    }
+    return {**found, NONE: values}
 
 
 def scores(evaluator: Evaluator, key: str) -> list[float]:
