@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from bayesian import search_of
@@ -45,6 +46,15 @@ def searched_by(model: Model) -> Callable[[Landscape, int], list[int]]:
 
 
 def scikit_learn(points: Array, values: Array, new: Array) -> tuple[Array, Array]:
+    """``GaussianProcessRegressor``'s mean and deviation."""
+    process = scikit_learn_fitted(points, values)
+    mean, sd = process.predict(new, return_std=True)
+    # Its deviation has the noise in it.
+    noise = process.kernel_.k2.noise_level * np.var(values)
+    return mean, np.sqrt(np.maximum(sd**2 - noise, 1e-12))
+
+
+def scikit_learn_fitted(points: Array, values: Array) -> Any:
     """``GaussianProcessRegressor``: one length scale and noise by L-BFGS, values standardised."""
     from sklearn.exceptions import ConvergenceWarning
     from sklearn.gaussian_process import GaussianProcessRegressor
@@ -54,14 +64,20 @@ def scikit_learn(points: Array, values: Array, new: Array) -> tuple[Array, Array
     process = GaussianProcessRegressor(kernel, normalize_y=True)
     with warnings.catch_warnings():  # of hyper-parameters at their bounds
         warnings.simplefilter("ignore", ConvergenceWarning)
-        process.fit(points, values)
-    mean, sd = process.predict(new, return_std=True)
-    # Its deviation has the noise in it.
-    noise = process.kernel_.k2.noise_level * np.var(values)
-    return mean, np.sqrt(np.maximum(sd**2 - noise, 1e-12))
+        return process.fit(points, values)
 
 
 def botorch(points: Array, values: Array, new: Array) -> tuple[Array, Array]:
+    """``SingleTaskGP``'s mean and deviation."""
+    import torch
+
+    model = botorch_fitted(points, values)
+    with torch.no_grad():
+        told = model.posterior(torch.from_numpy(new))
+    return told.mean[:, 0].numpy(), told.variance[:, 0].sqrt().numpy()
+
+
+def botorch_fitted(points: Array, values: Array) -> Any:
     """``SingleTaskGP`` as BoTorch ships it: a length scale a source and their priors, by L-BFGS."""
     import torch
     from botorch.fit import fit_gpytorch_mll
@@ -74,7 +90,4 @@ def botorch(points: Array, values: Array, new: Array) -> tuple[Array, Array]:
     )
     with warnings.catch_warnings():  # of fits that did not converge
         warnings.simplefilter("ignore")
-        fit_gpytorch_mll(ExactMarginalLogLikelihood(model.likelihood, model))
-    with torch.no_grad():
-        told = model.posterior(torch.from_numpy(new))
-    return told.mean[:, 0].numpy(), told.variance[:, 0].sqrt().numpy()
+        return fit_gpytorch_mll(ExactMarginalLogLikelihood(model.likelihood, model)).model

@@ -5,10 +5,10 @@ go to its earlier entry, so that the same points and values give the same model 
 of BLAS threads. Another BLAS may round differently; where two proposals are as good as equal it can then
 choose the other one.
 
-A page of our own, since a library would bring nothing that counts here: scikit-learn's model in its place
-needs about as many evaluations (``benchmarks/peers_models.py``) for several times the computing, 54 MB more
-to install and a second more to start. Hyper-parameters at the end of an iteration, as its are, depend on the
-last digits; the ends of a climb on a grid seldom do.
+A page of our own rather than scikit-learn's or BoTorch's: in its place scikit-learn's model needs about as
+many evaluations for some ten times the computing, and BoTorch's computes several hundred times as long
+(``benchmarks/optimum.py``). What either would add to an installation and to a start, and whether it finds the
+same again, is measured by ``benchmarks/sections/models.py``.
 """
 
 from __future__ import annotations
