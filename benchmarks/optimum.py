@@ -11,10 +11,9 @@ table and only distinct ones count. Searches beside each other; the model's in b
 pool that gains each source of the best subset in turn; and one that gains a twelfth (``twelfth.py``). pymoo,
 DEAP and Optuna take part where they are installed (``make bench``).
 
-What is recorded rests on 200 seeds a search, but for Optuna's GP sampler, which takes 0.2 to 0.6 s of
-computing an evaluation (123 seeds on 20 pairs, 7 on 8), the same search by scikit-learn's model (20), that by
-BoTorch's (1 on 20 pairs) and the greedy soup, which draws nothing (1). ``--record`` keeps what another
-machine adds.
+What is recorded rests on 200 seeds a search, but for the same search by scikit-learn's model (20), that by
+BoTorch's (1, on 20 pairs; minutes a seed) and the greedy soup, which draws nothing (1). ``--record`` keeps
+what another machine adds.
 """
 
 from __future__ import annotations
@@ -189,7 +188,7 @@ nothing is the same search whichever source is the newcomer, and counts once: on
 TWELFTH = """### A twelfth source
 
 The bank's eleven are searched to the end, then the whole pool with a source that was fine-tuned as they were,
-in a world of its own: `python benchmarks/twelfth.py` trains three such newcomers and scores all 2048 subsets
+in a world of its own: `python benchmarks/twelfth.py` trains two such newcomers and scores all 2048 subsets
 with each. A gain is what the best of all 4083 subsets is ahead of the best of the 2036 without the newcomer,
 points; where it is 0 the newcomer is of no use, and a search that goes on from what is known has nothing to
 find."""
