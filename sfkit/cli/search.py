@@ -79,8 +79,8 @@ def search(
     resamples: Annotated[
         int | None,
         typer.Option(
-            help="Average what wins so many resamples of the validation pairs; 0 takes the best. Unless "
-            "named 0 by the paper's method, 200 by bayesian where both stages run and it can be."
+            help="Average what wins so many resamples of the validation pairs; 0 takes the best. Where not "
+            "named: 0 by the paper's method, 200 by bayesian where both stages run and it can be."
         ),
     ] = None,
     blocks: Annotated[
