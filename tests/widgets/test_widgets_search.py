@@ -171,7 +171,7 @@ def test_what_a_model_expected_is_that_of_the_static_figure_live_and_from_a_jour
         assert own.model["high"] == pytest.approx(told.mean + 1.96 * told.sd, rel=1e-4)
         share = 100 * analysis.calibration(told, (0.95,)).coverage[0]
         assert f"hold {share:.0f} % of {told.measured.sum()} measured scores" in own.model["says"]
-        assert "measured (orange), predicted (blue)" in own.sheet().svg()
+        assert "measured (orange), predicted, with its 95 % interval (blue)" in own.sheet().svg()
     drawn = set(map(str, made[0].model["number"]))
     assert drawn <= made[0].evolution["people"].keys(), "a click on any of them finds it"
     assert made[2].trace["by_model"]
