@@ -36,12 +36,12 @@ from sfkit.datasets.benchmark import memory_benchmark
 from sfkit.evaluation.known import Known
 from sfkit.merging import Pool
 from sfkit.search.averaging import averaged_winner
+from sfkit.search.checks import RESAMPLES
 
 STUDIES = {BANK: replace(SHARP, bank=BANK), SHARP.bank: SHARP}
 """Bank -> which pairs are drawn there, and which judge."""
 BANK_PAIRS, SEEDS = (2, 5, 8, 16), 10
 REAL_PAIRS = (2, 3)
-RESAMPLES = 200
 EVALUATIONS = 40
 """Of the paper's Stage 2; the model's are by its defaults."""
 BAYESIAN, PAPER = "bayesian", "paper"

@@ -44,7 +44,7 @@ from tabulated import markdown_lines
 
 import sfkit
 from sfkit.search import BayesianRoutingSearch, BayesianRoutingSettings, RoutingSearch
-from sfkit.search.cma_es import _pycma
+from sfkit.search.cma_es import pycma
 from sfkit.search.encoding import Encoding
 
 DOCUMENT = "benchmarks/README.md"
@@ -106,7 +106,7 @@ def lq_cma_es(world: SearchWorld, evaluations: int = 150) -> Iterator[float]:
     objective(zeros)
     # A seed of 0 is the clock's.
     options = {"seed": world.seed + 1, "maxfevals": evaluations - 1, "verbose": -9}
-    _pycma().fmin_lq_surr2(objective, zeros, SIGMA, options)
+    pycma().fmin_lq_surr2(objective, zeros, SIGMA, options)
     return iter(scores[:evaluations])
 
 

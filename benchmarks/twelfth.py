@@ -103,11 +103,6 @@ def grown_scores(newcomer: str, path: Path = TABLE) -> SubsetScores:
     return SubsetScores((*eleven.names, newcomer), scores, quick)
 
 
-def finished() -> tuple[str, ...]:
-    """The newcomers of the table."""
-    return tuple(pd.read_csv(TABLE)["newcomer"].unique())
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Train and score what is asked for, and write the table of all newcomers that are scored."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)

@@ -17,7 +17,7 @@ from sfkit.search import (
     SubsetSettings,
 )
 from sfkit.search.averaging import AVERAGED, averaged_winner, check_averaging
-from sfkit.search.checks import check_resamples
+from sfkit.search.checks import RESAMPLES, check_resamples
 from sfkit.streams import Stream, generator
 
 MOST = 4096
@@ -130,7 +130,7 @@ def averaged(
     population: int = 50,
     generations: int = 15,
     evaluations: int = 300,
-    resamples: int = 200,
+    resamples: int = RESAMPLES,
     seed: int = 0,
     which: SubsetSettings | None = None,
     how: RoutingSettings | None = None,

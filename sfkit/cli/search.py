@@ -41,7 +41,7 @@ from sfkit.cli.validation import described, guide_of, guides_of, scoring, tests_
 from sfkit.cli.watching import Watch
 from sfkit.errors import InputError
 from sfkit.search import Constraints, RoutingSettings
-from sfkit.search.checks import METHODS, check_parts, check_resamples
+from sfkit.search.checks import METHODS, RESAMPLES, check_parts, check_resamples
 from sfkit.search.run_folder import LOCK, OUTPUTS, SEARCH, STORE, refuse_unclaimed, run_folder
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ def few_pairs(pairs: int, stage2: RoutingSettings | None) -> str | None:
 
     if stage2 is None or pairs >= LEAST or stage2.shrinkage > 0 or stage2.entropy > 0:
         return None
-    average = "--resamples 200, " if pairs > 1 else ""
+    average = f"--resamples {RESAMPLES}, " if pairs > 1 else ""
     return (
         f"few pairs: what Stage 2 gains on {pairs} need not show elsewhere (docs/validation.md); {average}"
         "--shrinkage 0.05 or more benchmarks (--also) may help"

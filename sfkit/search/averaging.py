@@ -26,7 +26,7 @@ from sfkit.evaluation.evaluator import Evaluator
 from sfkit.evaluation.outcome import Outcome, Scorer
 from sfkit.merging.recipe import Recipe
 from sfkit.search.base import Search
-from sfkit.search.checks import check_choice
+from sfkit.search.checks import RESAMPLES, check_choice
 from sfkit.search.journal import Journal
 from sfkit.search.records import Candidate
 from sfkit.search.routing import RoutingSearch
@@ -113,7 +113,7 @@ class Averaged:
 def averaged_winner(
     searches: Sequence[Search[Any]],
     scorer: Scorer,
-    resamples: int = 200,
+    resamples: int = RESAMPLES,
     *,
     seed: int = 0,
     journal: Journal | None = None,

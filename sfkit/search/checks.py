@@ -9,6 +9,7 @@ from sfkit.settings import require_between, require_whole
 
 METHODS = ("paper", "bayesian")
 """Ways to search: StereoFactory's two algorithms, or a model of the score in both stages."""
+RESAMPLES = 200  # of the validation pairs, where winners are averaged and no number is named
 MOST_RESAMPLES = 10_000  # more take memory, and tell nothing that these did not
 LARGEST_POPULATION = 100_000
 """Candidates that are held at the same time; what is far above is a slip, and would fill the memory."""
@@ -78,10 +79,6 @@ def check_choice(settings: object) -> None:
                 f"resamples: found {name} {value}, by which Stage 2 chooses otherwise than by the score that "
                 f"is resampled, expected one of the two: leave resamples or {name} at 0"
             )
-
-
-RESAMPLES = 200
-"""Of the validation pairs, where winners are averaged and no number is named."""
 
 
 def check_resamples(resamples: object, stage2: object | None) -> int:

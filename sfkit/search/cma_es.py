@@ -19,7 +19,7 @@ from sfkit.search.routing_records import Distribution
 from sfkit.streams import Stream, generator
 
 
-def _pycma() -> Any:
+def pycma() -> Any:
     """The library, with all of scipy's distributions behind it: imported when the first search starts."""
     with warnings.catch_warnings():
         # It warns on import where matplotlib, which it plots with, is not installed.
@@ -81,7 +81,7 @@ class CmaEs:
             "verb_disp": 0,
             "verb_log": 0,
         }
-        self._es = _pycma().CMAEvolutionStrategy(mean, sigma, options)
+        self._es = pycma().CMAEvolutionStrategy(mean, sigma, options)
         self.distribution = self._read()
         self.stops: tuple[str, ...] = ()
 
